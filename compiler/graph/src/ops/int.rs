@@ -1,0 +1,221 @@
+//! 32-bit ints with the total semantics of LANGUAGE 4.4, and their casts.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    clippy::cast_lossless,
+    reason = "casts are the point"
+)]
+
+use super::{Accuracy, B, Derivative, Eval, I, Kink, Lowering, OpDef, R, eval, fragment};
+use crate::Scalar;
+
+const SMALL: (f64, f64) = (-100.0, 100.0);
+
+#[expect(clippy::too_many_arguments, reason = "the fields of one literal")]
+const fn int(
+    name: &'static str,
+    operands: &'static [Scalar],
+    result: Scalar,
+    formula: &'static str,
+    commutes: bool,
+    eval: Eval,
+    cost: u32,
+    lowering: Lowering,
+) -> OpDef {
+    OpDef {
+        name,
+        operands,
+        result,
+        formula,
+        commutes,
+        eval,
+        derivative: Derivative::Zero,
+        kink: Kink::None,
+        domain: if operands.len() == 1 { &[SMALL] } else { &[SMALL; 2] },
+        accuracy: Accuracy::Exact,
+        cost,
+        lowering,
+    }
+}
+
+const fn same(lanes: &'static str) -> Lowering {
+    Lowering::Lanes { f32x4: lanes, f64x2: lanes }
+}
+
+pub const ADD: OpDef = int(
+    "iadd",
+    &[I, I],
+    I,
+    "a + b mod 2³²",
+    true,
+    eval!(|a: Int, b: Int| -> Int { a.wrapping_add(b) }),
+    1,
+    same("a b i32x4.add"),
+);
+pub const SUB: OpDef = int(
+    "isub",
+    &[I, I],
+    I,
+    "a − b mod 2³²",
+    false,
+    eval!(|a: Int, b: Int| -> Int { a.wrapping_sub(b) }),
+    1,
+    same("a b i32x4.sub"),
+);
+pub const MUL: OpDef = int(
+    "imul",
+    &[I, I],
+    I,
+    "a·b mod 2³²",
+    true,
+    eval!(|a: Int, b: Int| -> Int { a.wrapping_mul(b) }),
+    2,
+    same("a b i32x4.mul"),
+);
+// Quotients of 32-bit ints are exact in f64 after truncation. Only −2³¹/−1 = 2³¹ saturates where it must wrap, and
+// only division by 0 is not finite.
+pub const DIV: OpDef = int(
+    "idiv",
+    &[I, I],
+    I,
+    "a / b toward 0; 0 if b = 0",
+    false,
+    eval!(|a: Int, b: Int| -> Int { if b == 0 { 0 } else { a.wrapping_div(b) } }),
+    16,
+    Lowering::Lanes {
+        f32x4: "a f64x2.convert_low_i32x4_s b f64x2.convert_low_i32x4_s f64x2.div i32x4.trunc_sat_f64x2_s_zero \
+                a high64 f64x2.convert_low_i32x4_s b high64 f64x2.convert_low_i32x4_s f64x2.div \
+                i32x4.trunc_sat_f64x2_s_zero pair64 \
+                a i32:-2147483648 i32x4.eq b i32:-1 i32x4.eq v128.and i32x4.sub \
+                b i32:0 i32x4.eq v128.andnot",
+        f64x2: "a f64x2.convert_low_i32x4_s b f64x2.convert_low_i32x4_s f64x2.div i32x4.trunc_sat_f64x2_s_zero \
+                a i32:-2147483648 i32x4.eq b i32:-1 i32x4.eq v128.and i32x4.sub \
+                b i32:0 i32x4.eq v128.andnot",
+    },
+);
+pub const REM: OpDef = int(
+    "irem",
+    &[I, I],
+    I,
+    "a − b⌊a/b⌋; 0 if b = 0",
+    false,
+    eval!(|a: Int, b: Int| -> Int {
+        if b == 0 {
+            0
+        } else {
+            let r = a.wrapping_rem(b);
+            if r != 0 && ((r < 0) != (b < 0)) { r.wrapping_add(b) } else { r }
+        }
+    }),
+    24,
+    fragment!(|b, [x, y], _p| {
+        let zero = b.int(0);
+        let quotient = b.idiv(x, y);
+        let whole = b.imul(quotient, y);
+        let rest = b.isub(x, whole);
+        // The truncated remainder has the sign of x; where it is not 0 and the signs differ, one y is missing.
+        let exact = b.ieq(rest, zero);
+        let (x_below, y_below) = (b.ilt(rest, zero), b.ilt(y, zero));
+        let y_above = b.not(y_below);
+        let differs = b.select_bool(x_below, y_above, y_below);
+        let inexact = b.not(exact);
+        let wrong = b.and(inexact, differs);
+        let mended = b.iadd(rest, y);
+        let floored = b.select_int(wrong, mended, rest);
+        let nothing = b.ieq(y, zero);
+        b.select_int(nothing, zero, floored)
+    }),
+);
+pub const NEG: OpDef =
+    int("ineg", &[I], I, "−a mod 2³²", false, eval!(|a: Int| -> Int { a.wrapping_neg() }), 1, same("a i32x4.neg"));
+pub const ABS: OpDef =
+    int("iabs", &[I], I, "|a| mod 2³²", false, eval!(|a: Int| -> Int { a.wrapping_abs() }), 1, same("a i32x4.abs"));
+pub const MIN: OpDef = int(
+    "imin",
+    &[I, I],
+    I,
+    "the smaller",
+    true,
+    eval!(|a: Int, b: Int| -> Int { a.min(b) }),
+    1,
+    same("a b i32x4.min_s"),
+);
+pub const MAX: OpDef = int(
+    "imax",
+    &[I, I],
+    I,
+    "the larger",
+    true,
+    eval!(|a: Int, b: Int| -> Int { a.max(b) }),
+    1,
+    same("a b i32x4.max_s"),
+);
+pub const SIGN: OpDef = int(
+    "isign",
+    &[I],
+    I,
+    "1 if 0 < a, −1 if a < 0, else 0",
+    false,
+    eval!(|a: Int| -> Int { a.signum() }),
+    2,
+    same("a i32:-1 i32x4.max_s i32:1 i32x4.min_s"),
+);
+pub const EQ: OpDef = int(
+    "ieq",
+    &[I, I],
+    B,
+    "a = b",
+    true,
+    eval!(|a: Int, b: Int| -> Bool { a == b }),
+    1,
+    Lowering::Lanes { f32x4: "a b i32x4.eq", f64x2: "a b i32x4.eq i64x2.extend_low_i32x4_s" },
+);
+pub const LT: OpDef = int(
+    "ilt",
+    &[I, I],
+    B,
+    "a < b",
+    false,
+    eval!(|a: Int, b: Int| -> Bool { a < b }),
+    1,
+    Lowering::Lanes { f32x4: "a b i32x4.lt_s", f64x2: "a b i32x4.lt_s i64x2.extend_low_i32x4_s" },
+);
+pub const LE: OpDef = int(
+    "ile",
+    &[I, I],
+    B,
+    "a ≤ b",
+    false,
+    eval!(|a: Int, b: Int| -> Bool { a <= b }),
+    1,
+    Lowering::Lanes { f32x4: "a b i32x4.le_s", f64x2: "a b i32x4.le_s i64x2.extend_low_i32x4_s" },
+);
+pub const TO_REAL: OpDef = OpDef {
+    name: "int_to_real",
+    operands: &[I],
+    result: R,
+    formula: "the nearest real, ties to even",
+    commutes: false,
+    eval: eval!(|a: Int| -> Real { a as F }),
+    derivative: Derivative::Zero,
+    kink: Kink::None,
+    domain: &[SMALL],
+    accuracy: Accuracy::Exact,
+    cost: 1,
+    lowering: Lowering::Lanes { f32x4: "a f32x4.convert_i32x4_s", f64x2: "a f64x2.convert_low_i32x4_s" },
+};
+pub const FROM_REAL: OpDef = OpDef {
+    name: "real_to_int",
+    operands: &[R],
+    result: I,
+    formula: "a without its fraction, saturated; 0 for NaN",
+    commutes: false,
+    eval: eval!(|a: Real| -> Int { a as i32 }),
+    derivative: Derivative::Zero,
+    kink: Kink::Where { set: "a is an integer", discriminant: |v| v.first().map_or(f64::NAN, |a| a - a.round()) },
+    domain: &[SMALL],
+    accuracy: Accuracy::Exact,
+    cost: 3,
+    lowering: Lowering::Lanes { f32x4: "a i32x4.trunc_sat_f32x4_s", f64x2: "a i32x4.trunc_sat_f64x2_s_zero" },
+};

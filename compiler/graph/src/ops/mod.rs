@@ -1,0 +1,306 @@
+//! The table of operations (DESIGN 4): everything that is known of an operation, in one struct literal. Printing,
+//! laws, evaluation, differentiation and the emitters derive from it; adding an operation is one literal in a file
+//! beside this one and one line in the list below.
+
+mod bits;
+mod int;
+mod real;
+mod rewrite;
+mod transcendental;
+mod truth;
+
+use std::fmt;
+
+use crate::{Builder, Mode, NodeId, Precision, Scalar, Unwatched, Value};
+
+pub use rewrite::rewrite;
+
+macro_rules! table {
+    ($( $op:ident => $def:path; )+) => {
+        /// An operation of the table.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Op { $( #[doc = concat!("See `", stringify!($def), "`.")] $op, )+ }
+
+        impl Op {
+            /// Every operation.
+            pub const ALL: &'static [Self] = &[ $( Self::$op, )+ ];
+
+            /// What is known of it.
+            #[must_use]
+            pub const fn def(self) -> &'static OpDef { match self { $( Self::$op => &$def, )+ } }
+        }
+    };
+}
+
+table! {
+    Add => real::ADD;
+    Sub => real::SUB;
+    Mul => real::MUL;
+    Div => real::DIV;
+    Neg => real::NEG;
+    Sqrt => real::SQRT;
+    Abs => real::ABS;
+    Min => real::MIN;
+    Max => real::MAX;
+    Floor => real::FLOOR;
+    Ceil => real::CEIL;
+    Trunc => real::TRUNC;
+    Round => real::ROUND;
+    Sign => real::SIGN;
+    Length2 => real::LENGTH2;
+    Length3 => real::LENGTH3;
+    Length4 => real::LENGTH4;
+    Unit => real::UNIT;
+    Exp => transcendental::EXP;
+    Log => transcendental::LOG;
+    Pow => transcendental::POW;
+    Sin => transcendental::SIN;
+    Cos => transcendental::COS;
+    Tan => transcendental::TAN;
+    Asin => transcendental::ASIN;
+    Acos => transcendental::ACOS;
+    Atan => transcendental::ATAN;
+    Atan2 => transcendental::ATAN2;
+    Copysign => bits::COPYSIGN;
+    Exponent => bits::EXPONENT;
+    Scale => bits::SCALE;
+    Lt => truth::LT;
+    Le => truth::LE;
+    Eq => truth::EQ;
+    Ne => truth::NE;
+    And => truth::AND;
+    Or => truth::OR;
+    Not => truth::NOT;
+    Select => truth::SELECT;
+    SelectInt => truth::SELECT_INT;
+    SelectBool => truth::SELECT_BOOL;
+    IntAdd => int::ADD;
+    IntSub => int::SUB;
+    IntMul => int::MUL;
+    IntDiv => int::DIV;
+    IntRem => int::REM;
+    IntNeg => int::NEG;
+    IntAbs => int::ABS;
+    IntMin => int::MIN;
+    IntMax => int::MAX;
+    IntSign => int::SIGN;
+    IntEq => int::EQ;
+    IntLt => int::LT;
+    IntLe => int::LE;
+    IntToReal => int::TO_REAL;
+    RealToInt => int::FROM_REAL;
+}
+
+impl fmt::Display for Op {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.def().name)
+    }
+}
+
+/// Everything that is known of an operation. No field is optional.
+#[derive(Debug)]
+pub struct OpDef {
+    /// Its name in the text form.
+    pub name: &'static str,
+    /// Kinds of its operands, at most four.
+    pub operands: &'static [Scalar],
+    /// Kind of its result.
+    pub result: Scalar,
+    /// Its meaning in operands a, b, c, d.
+    pub formula: &'static str,
+    /// Whether exchanging a and b preserves the bits of the result.
+    pub commutes: bool,
+    /// Reference evaluation. Transcendental functions use the host's mathematical library here, so this serves
+    /// oracles; constants are computed by [`constant`].
+    pub eval: Eval,
+    /// How the result changes with the operands.
+    pub derivative: Derivative,
+    /// Where it is not differentiable.
+    pub kink: Kink,
+    /// Operands worth testing: a closed range each (ints and bools too: rounded, `≥ 1` is true).
+    pub domain: &'static [(f64, f64)],
+    /// The error promised.
+    pub accuracy: Accuracy,
+    /// Time in units of an addition.
+    pub cost: u32,
+    /// How a target computes it.
+    pub lowering: Lowering,
+}
+
+/// Reference evaluation in both precisions. Operands of other kinds than declared give NaN, 0 or false.
+#[derive(Debug)]
+pub struct Eval {
+    /// In f64.
+    pub f64: fn(&[Value]) -> Value,
+    /// In f32: operands and result are f32 numbers held in f64.
+    pub f32: fn(&[Value]) -> Value,
+}
+
+impl Eval {
+    /// In the given precision.
+    #[must_use]
+    pub fn at(&self, precision: Precision) -> fn(&[Value]) -> Value {
+        match precision {
+            Precision::F32 => self.f32,
+            Precision::F64 => self.f64,
+        }
+    }
+}
+
+/// A rule in graph operations: the builder, the operands, the result.
+pub type Rule = fn(&mut Builder<'_>, &[NodeId], NodeId) -> NodeId;
+
+/// How the result changes with the operands. One rule serves forward and reverse mode and, being written in the
+/// same operations, every higher order.
+#[derive(Debug)]
+pub enum Derivative {
+    /// It does not: the result is an int or bool, or piecewise constant.
+    Zero,
+    /// The partial derivative by each operand; `Partial::Zero` for ints and bools.
+    Partials(&'static [Partial]),
+    /// The result is one of two operands, and so is the derivative; the other contributes nothing, not even a
+    /// product with 0 (LANGUAGE 13.7).
+    Choice {
+        /// Builds the condition.
+        cond: fn(&mut Builder<'_>, &[NodeId]) -> NodeId,
+        /// Index of the operand chosen if it holds.
+        then: usize,
+        /// Index of the operand chosen otherwise.
+        otherwise: usize,
+    },
+}
+
+/// One partial derivative.
+#[derive(Debug)]
+pub enum Partial {
+    /// 0, structurally.
+    Zero,
+    /// 1.
+    One,
+    /// −1.
+    MinusOne,
+    /// By a rule.
+    Of(Rule),
+}
+
+/// Where an operation is not differentiable, or its derivative follows a convention (LANGUAGE 13.6).
+#[derive(Debug)]
+pub enum Kink {
+    /// Nowhere inside its domain.
+    None,
+    /// Where the discriminant, a function of the operands, is 0.
+    Where {
+        /// In words.
+        set: &'static str,
+        /// Continuous near the set and 0 on it.
+        discriminant: fn(&[f64]) -> f64,
+    },
+}
+
+/// The error promised on the domain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Accuracy {
+    /// The result of the formula with each operation rounded on its own, bit for bit (LANGUAGE 17.2).
+    Exact,
+    /// At most so many units in the last place from the exact result (LANGUAGE 17.4).
+    Ulp {
+        /// In f32.
+        f32: u32,
+        /// In f64.
+        f64: u32,
+    },
+}
+
+/// How a target computes an operation.
+#[derive(Debug)]
+pub enum Lowering {
+    /// By WebAssembly instructions on lanes, as a stack program: `a b c d` push operands, `i32:N` and `i64:N` push a
+    /// constant in every lane, `low32` packs the low halves of 64-bit lanes into the low two 32-bit lanes, `NAME:N`
+    /// is an instruction with an immediate, all else is an instruction. Reals are f32x4 or f64x2, ints i32x4 (in
+    /// f64 modules the low two lanes), bools masks as wide as reals.
+    Lanes {
+        /// In f32 modules.
+        f32x4: &'static str,
+        /// In f64 modules.
+        f64x2: &'static str,
+    },
+    /// By other operations: a fragment that the `kernels` step puts in its place. Fragments may contain operations
+    /// that have fragments themselves.
+    Fragment(fn(&mut Builder<'_>, &[NodeId], Precision) -> NodeId),
+}
+
+/// The value of an operation on constants, as every target computes it: by its fragment if it has one.
+/// `None` if the operands do not fit.
+#[must_use]
+pub fn constant(op: Op, args: &[Value], precision: Precision) -> Option<Value> {
+    let def = op.def();
+    if args.len() != def.operands.len() || args.iter().zip(def.operands).any(|(a, s)| a.scalar() != *s) {
+        return None;
+    }
+    match def.lowering {
+        Lowering::Lanes { .. } => Some((def.eval.at(precision))(args)),
+        Lowering::Fragment(fragment) => {
+            let mut builder = Builder::new(Mode::Real(precision), 100_000, &Unwatched);
+            let nodes: Vec<NodeId> = args.iter().map(|v| builder.constant(*v)).collect();
+            let result = fragment(&mut builder, &nodes, precision);
+            builder.value(result)
+        }
+    }
+}
+
+const R: Scalar = Scalar::Real;
+const I: Scalar = Scalar::Int;
+const B: Scalar = Scalar::Bool;
+
+/// `eval!(|x: Real, n: Int| -> Real { … })`: one formula, evaluated in f64 and in f32.
+macro_rules! eval {
+    (|$($x:ident : $k:ident),+| -> $r:ident $body:block) => {
+        $crate::ops::Eval {
+            f64: |v| {
+                #[allow(dead_code, reason = "some formulas name the type")]
+                type F = f64;
+                match v {
+                    [$($crate::Value::$k($x)),+] => { $(let $x = eval!(@in64 $k $x);)+ eval!(@out64 $r $body) }
+                    _ => eval!(@bad $r),
+                }
+            },
+            f32: |v| {
+                #[allow(dead_code, reason = "some formulas name the type")]
+                type F = f32;
+                match v {
+                    [$($crate::Value::$k($x)),+] => { $(let $x = eval!(@in32 $k $x);)+ eval!(@out32 $r $body) }
+                    _ => eval!(@bad $r),
+                }
+            },
+        }
+    };
+    (@in64 $k:ident $x:ident) => { *$x };
+    (@in32 Real $x:ident) => { *$x as f32 };
+    (@in32 $k:ident $x:ident) => { *$x };
+    (@out64 $r:ident $body:block) => { $crate::Value::$r($body) };
+    (@out32 Real $body:block) => { $crate::Value::Real(f64::from($body)) };
+    (@out32 $r:ident $body:block) => { $crate::Value::$r($body) };
+    (@bad Real) => { $crate::Value::Real(f64::NAN) };
+    (@bad Int) => { $crate::Value::Int(0) };
+    (@bad Bool) => { $crate::Value::Bool(false) };
+}
+
+/// `rule!(|b, [x, y], r| …)`: a [`Rule`]; operands that do not fit give the result itself.
+macro_rules! rule {
+    (|$b:ident, [$($x:ident),+]| $body:expr) => { $crate::ops::rule!(|$b, [$($x),+], r| { let _ = r; $body }) };
+    (|$b:ident, [$($x:ident),+], $r:ident| $body:expr) => {
+        $crate::ops::Partial::Of(|$b, args, $r| match *args { [$($x),+] => $body, _ => $r })
+    };
+}
+
+/// `fragment!(|b, [x], p| …)`: a lowering by a fragment.
+macro_rules! fragment {
+    (|$b:ident, [$($x:ident),+], $p:ident| $body:expr) => {
+        $crate::ops::Lowering::Fragment(|$b, args, $p| match *args { [$($x),+] => $body, _ => $crate::NodeId::NONE })
+    };
+}
+
+pub(crate) use {eval, fragment, rule};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,121 @@
+//! Comparisons, truth values and selection.
+
+#![allow(clippy::cast_possible_truncation, reason = "the f32 evaluation narrows on purpose")]
+
+use super::{Accuracy, B, Derivative, I, Kink, Lowering, OpDef, R, eval};
+use crate::{NodeId, Scalar};
+
+const ANY: (f64, f64) = (-100.0, 100.0);
+const TRUTH: (f64, f64) = (0.0, 1.0);
+
+const fn compare(
+    name: &'static str,
+    formula: &'static str,
+    commutes: bool,
+    eval: super::Eval,
+    f32x4: &'static str,
+    f64x2: &'static str,
+) -> OpDef {
+    OpDef {
+        name,
+        operands: &[R, R],
+        result: B,
+        formula,
+        commutes,
+        eval,
+        derivative: Derivative::Zero,
+        kink: Kink::None,
+        domain: &[ANY, ANY],
+        accuracy: Accuracy::Exact,
+        cost: 1,
+        lowering: Lowering::Lanes { f32x4, f64x2 },
+    }
+}
+
+const fn logic(
+    name: &'static str,
+    operands: &'static [Scalar],
+    domain: &'static [(f64, f64)],
+    formula: &'static str,
+    eval: super::Eval,
+    lanes: &'static str,
+) -> OpDef {
+    OpDef {
+        name,
+        operands,
+        result: B,
+        formula,
+        commutes: operands.len() == 2,
+        eval,
+        derivative: Derivative::Zero,
+        kink: Kink::None,
+        domain,
+        accuracy: Accuracy::Exact,
+        cost: 1,
+        lowering: Lowering::Lanes { f32x4: lanes, f64x2: lanes },
+    }
+}
+
+pub const LT: OpDef =
+    compare("lt", "a < b", false, eval!(|a: Real, b: Real| -> Bool { a < b }), "a b f32x4.lt", "a b f64x2.lt");
+pub const LE: OpDef =
+    compare("le", "a ≤ b", false, eval!(|a: Real, b: Real| -> Bool { a <= b }), "a b f32x4.le", "a b f64x2.le");
+pub const EQ: OpDef =
+    compare("eq", "a = b", true, eval!(|a: Real, b: Real| -> Bool { a == b }), "a b f32x4.eq", "a b f64x2.eq");
+pub const NE: OpDef =
+    compare("ne", "a ≠ b", true, eval!(|a: Real, b: Real| -> Bool { a != b }), "a b f32x4.ne", "a b f64x2.ne");
+
+pub const AND: OpDef =
+    logic("and", &[B, B], &[TRUTH; 2], "a and b", eval!(|a: Bool, b: Bool| -> Bool { a & b }), "a b v128.and");
+pub const OR: OpDef =
+    logic("or", &[B, B], &[TRUTH; 2], "a or b", eval!(|a: Bool, b: Bool| -> Bool { a | b }), "a b v128.or");
+pub const NOT: OpDef = logic("not", &[B], &[TRUTH], "not a", eval!(|a: Bool| -> Bool { !a }), "a v128.not");
+
+pub const SELECT: OpDef = OpDef {
+    name: "select",
+    operands: &[B, R, R],
+    result: R,
+    formula: "b if a, else c",
+    commutes: false,
+    eval: eval!(|a: Bool, b: Real, c: Real| -> Real { if a { b } else { c } }),
+    derivative: Derivative::Choice {
+        cond: |_, args| args.first().copied().unwrap_or(NodeId::NONE),
+        then: 1,
+        otherwise: 2,
+    },
+    kink: Kink::None,
+    domain: &[TRUTH, ANY, ANY],
+    accuracy: Accuracy::Exact,
+    cost: 1,
+    lowering: Lowering::Lanes { f32x4: "b c a v128.bitselect", f64x2: "b c a v128.bitselect" },
+};
+
+pub const SELECT_INT: OpDef = OpDef {
+    name: "select_int",
+    operands: &[B, I, I],
+    result: I,
+    formula: "b if a, else c",
+    commutes: false,
+    eval: eval!(|a: Bool, b: Int, c: Int| -> Int { if a { b } else { c } }),
+    derivative: Derivative::Zero,
+    kink: Kink::None,
+    domain: &[TRUTH, ANY, ANY],
+    accuracy: Accuracy::Exact,
+    cost: 1,
+    lowering: Lowering::Lanes { f32x4: "b c a v128.bitselect", f64x2: "b c a low32 v128.bitselect" },
+};
+
+pub const SELECT_BOOL: OpDef = OpDef {
+    name: "select_bool",
+    operands: &[B, B, B],
+    result: B,
+    formula: "b if a, else c",
+    commutes: false,
+    eval: eval!(|a: Bool, b: Bool, c: Bool| -> Bool { if a { b } else { c } }),
+    derivative: Derivative::Zero,
+    kink: Kink::None,
+    domain: &[TRUTH; 3],
+    accuracy: Accuracy::Exact,
+    cost: 1,
+    lowering: Lowering::Lanes { f32x4: "b c a v128.bitselect", f64x2: "b c a v128.bitselect" },
+};

@@ -1,0 +1,178 @@
+//! The reference evaluator: runs a graph at one point with the table's evaluation functions. It is slow, simple and
+//! independent of every target. Before `kernels` it is an oracle; after `kernels` it must agree bit for bit with
+//! WebAssembly.
+
+use crate::{Graph, Node, NodeId, Precision, Value};
+
+/// Evaluates a graph again and again without allocating.
+#[derive(Debug)]
+pub struct Evaluator<'g> {
+    graph: &'g Graph,
+    precision: Precision,
+    values: Vec<Value>,
+    /// Per theta, at its `end`: the finals that follow it.
+    finals: Vec<Vec<(NodeId, NodeId)>>,
+    steps_left: u64,
+}
+
+/// The outputs of a graph at one point. `None` if it took more than a thousand million steps.
+#[must_use]
+pub fn evaluate(graph: &Graph, precision: Precision, inputs: &[Value]) -> Option<Vec<Value>> {
+    Evaluator::new(graph, precision).run(inputs)
+}
+
+impl<'g> Evaluator<'g> {
+    /// Prepares a graph.
+    #[must_use]
+    pub fn new(graph: &'g Graph, precision: Precision) -> Self {
+        let values = graph.iter().map(|(id, _)| Value::zero(graph.scalar(id))).collect();
+        let mut finals = vec![Vec::new(); graph.len()];
+        for (_, node) in graph.iter() {
+            if let Node::Final { end, carried, next } = node
+                && let Some(list) = finals.get_mut(end.index())
+            {
+                list.push((carried, next));
+            }
+        }
+        Self { graph, precision, values, finals, steps_left: 0 }
+    }
+
+    fn value(&self, id: NodeId) -> Value {
+        self.values.get(id.index()).copied().unwrap_or(Value::Bool(false))
+    }
+
+    fn set(&mut self, id: NodeId, value: Value) {
+        if let Some(place) = self.values.get_mut(id.index()) {
+            *place = value;
+        }
+    }
+
+    fn int(&self, id: NodeId) -> i32 {
+        match self.value(id) {
+            Value::Int(x) => x,
+            _ => 0,
+        }
+    }
+
+    fn truth(&self, id: NodeId) -> bool {
+        self.value(id) == Value::Bool(true)
+    }
+
+    /// The value a node had in the last run.
+    #[must_use]
+    pub fn last(&self, id: NodeId) -> Value {
+        self.value(id)
+    }
+
+    /// The outputs at one point. `None` if it took more than a thousand million steps.
+    pub fn run(&mut self, inputs: &[Value]) -> Option<Vec<Value>> {
+        self.steps_left = 1_000_000_000;
+        let mut at = NodeId(0);
+        while let Some(node) = self.graph.get(at) {
+            self.steps_left = self.steps_left.checked_sub(1)?;
+            at = self.step(at, node, inputs);
+        }
+        Some(self.graph.outputs.iter().map(|o| self.round(self.value(o.node))).collect())
+    }
+
+    fn round(&self, value: Value) -> Value {
+        match value {
+            Value::Real(x) => Value::Real(self.precision.round(x)),
+            other => other,
+        }
+    }
+
+    /// Executes one node and says which comes next.
+    fn step(&mut self, at: NodeId, node: Node, inputs: &[Value]) -> NodeId {
+        let next = NodeId(at.0 + 1);
+        match node {
+            Node::Input(i) => {
+                let value = inputs.get(i as usize).copied().unwrap_or(Value::zero(self.graph.scalar(at)));
+                self.set(at, self.round(value));
+            }
+            Node::Real(bits) => self.set(at, self.round(Value::Real(f64::from_bits(bits)))),
+            Node::Int(x) => self.set(at, Value::Int(x)),
+            Node::Bool(x) => self.set(at, Value::Bool(x)),
+            Node::Fresh(x) => self.set(at, self.value(x)),
+            // Derivatives are no operation: a graph that still contains one has no value there.
+            Node::Diff { .. } => self.set(at, Value::Real(f64::NAN)),
+            Node::Apply(op, args) => {
+                let mut operands = [Value::Int(0); 4];
+                for (place, arg) in operands.iter_mut().zip(args.as_slice()) {
+                    *place = self.value(*arg);
+                }
+                let value = (op.def().eval.at(self.precision))(operands.get(..args.as_slice().len()).unwrap_or(&[]));
+                self.set(at, value);
+            }
+            Node::Gamma { cond, otherwise, .. } => {
+                let cond = self.value(cond);
+                self.set(at, cond);
+                if cond != Value::Bool(true) {
+                    return NodeId(otherwise.0 + 1);
+                }
+            }
+            Node::Else { gamma } => {
+                if let Some(Node::Gamma { end, .. }) = self.graph.get(gamma) {
+                    return end;
+                }
+            }
+            Node::Join { end, then, otherwise } => {
+                let Some(Node::End { begin }) = self.graph.get(end) else { return next };
+                self.set(at, self.value(if self.truth(begin) { then } else { otherwise }));
+            }
+            Node::Theta { lo, hi, end } => {
+                self.set(at, self.value(lo));
+                let enter = self.int(lo) < self.int(hi);
+                self.begin_loop(end);
+                if !enter {
+                    return NodeId(end.0 + 1);
+                }
+            }
+            Node::Counter { theta } => self.set(at, self.value(theta)),
+            // Set when the loop begins and after each iteration.
+            Node::Carried { .. } => {}
+            Node::End { begin } => {
+                if let Some(Node::Theta { hi, .. }) = self.graph.get(begin) {
+                    let counter = self.int(begin).wrapping_add(1);
+                    self.set(begin, Value::Int(counter));
+                    self.advance(at);
+                    if counter < self.int(hi) {
+                        return NodeId(begin.0 + 1);
+                    }
+                }
+            }
+            Node::Final { carried, .. } => self.set(at, self.value(carried)),
+        }
+        next
+    }
+
+    /// Gives the carried variables of a loop their first content.
+    fn begin_loop(&mut self, end: NodeId) {
+        let pairs = self.finals.get_mut(end.index()).map(std::mem::take).unwrap_or_default();
+        let inits: Vec<_> = pairs
+            .iter()
+            .filter_map(|(carried, _)| match self.graph.get(*carried) {
+                Some(Node::Carried { init, .. }) => Some((*carried, self.value(init))),
+                _ => None,
+            })
+            .collect();
+        for (carried, value) in inits {
+            self.set(carried, value);
+        }
+        if let Some(place) = self.finals.get_mut(end.index()) {
+            *place = pairs;
+        }
+    }
+
+    /// Gives the carried variables of a loop what the iteration computed, all at once.
+    fn advance(&mut self, end: NodeId) {
+        let pairs = self.finals.get_mut(end.index()).map(std::mem::take).unwrap_or_default();
+        let values: Vec<_> = pairs.iter().map(|(_, next)| self.value(*next)).collect();
+        for ((carried, _), value) in pairs.iter().zip(values) {
+            self.set(*carried, value);
+        }
+        if let Some(place) = self.finals.get_mut(end.index()) {
+            *place = pairs;
+        }
+    }
+}

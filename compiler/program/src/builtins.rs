@@ -1,0 +1,94 @@
+//! The built-in functions of LANGUAGE 5: name, group, signature and meaning, one line each. What they lower to is
+//! the elaborator's business.
+
+/// Where a built-in stands in the look-up order of LANGUAGE 6.3.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Group {
+    /// Wins over a user function of that name (5.1).
+    Core,
+    /// Loses to a user function of that name (5.2).
+    Extension,
+}
+
+macro_rules! builtins {
+    ($( $id:ident $name:literal $group:ident $signature:literal $doc:literal; )+) => {
+        /// A built-in function that this version executes.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Builtin { $( #[doc = $doc] $id, )+ }
+
+        impl Builtin {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[ $( Self::$id, )+ ];
+
+            /// Its name.
+            #[must_use]
+            pub const fn name(self) -> &'static str { match self { $( Self::$id => $name, )+ } }
+
+            /// Where it stands in the look-up order.
+            #[must_use]
+            pub const fn group(self) -> Group { match self { $( Self::$id => Group::$group, )+ } }
+
+            /// Its signature for messages; R real, V vector of reals, I int.
+            #[must_use]
+            pub const fn signature(self) -> &'static str { match self { $( Self::$id => $signature, )+ } }
+        }
+    };
+}
+
+builtins! {
+    Dot "dot" Core "dot(V, V) -> R, also quat" "Σ aᵢbᵢ";
+    Cross "cross" Core "cross(vec3, vec3) -> vec3" "the cross product";
+    Length "length" Core "length(V) -> R, also quat" "√(a·a)";
+    Sqrt "sqrt" Core "sqrt(R | V)" "the square root";
+    Exp "exp" Core "exp(R | V)" "eᵃ";
+    Pow "pow" Core "pow(R, R) | pow(V, V)" "aᵇ";
+    Min "min" Core "min(R | V | I, same)" "if b < a then b else a";
+    Max "max" Core "max(R | V | I, same)" "if a < b then b else a";
+    Clamp "clamp" Core "clamp(x, lo, hi), all R | V | I" "min(max(x, lo), hi)";
+    Mix "mix" Core "mix(a, b, t), all R | V" "a(1−t) + bt";
+    Lerp "lerp" Core "lerp(a, b, t), all R | V" "a(1−t) + bt";
+    Mod "mod" Core "mod(R | V | I, same)" "a − b⌊a/b⌋";
+    Fract "fract" Core "fract(R | V)" "a − ⌊a⌋";
+    Abs "abs" Core "abs(R | V | I)" "the magnitude";
+    Floor "floor" Core "floor(R | V)" "⌊a⌋";
+    Ceil "ceil" Core "ceil(R | V)" "⌈a⌉";
+    Round "round" Core "round(R | V)" "the nearest integer, ties away from zero";
+    Sin "sin" Core "sin(R | V)" "sine";
+    Cos "cos" Core "cos(R | V)" "cosine";
+    Tan "tan" Core "tan(R | V)" "tangent";
+    Asin "asin" Core "asin(R | V)" "arc sine";
+    Acos "acos" Core "acos(R | V)" "arc cosine";
+    Atan "atan" Core "atan(R | V)" "arc tangent";
+    Atan2 "atan2" Core "atan2(y: R, x: R) -> R" "the angle of the point (x, y)";
+    Normalize "normalize" Extension "normalize(V) -> V, also quat" "a / ‖a‖, 0 where ‖a‖ computes 0";
+    Distance "distance" Extension "distance(V, V) -> R" "‖a − b‖";
+    Reflect "reflect" Extension "reflect(V, V) -> V" "i − 2n(n·i)";
+    Sign "sign" Extension "sign(R | V | I)" "1 above 0, −1 below 0, else a itself";
+    Step "step" Extension "step(edge, x), both R | V" "0 if x < edge, else 1";
+    Smoothstep "smoothstep" Extension "smoothstep(e0, e1, x), all R | V" "t²(3 − 2t), t = saturate((x−e0)/(e1−e0))";
+    Saturate "saturate" Extension "saturate(R | V)" "clamp(a, 0, 1)";
+    Trunc "trunc" Extension "trunc(R | V)" "toward zero";
+    Log "log" Extension "log(R | V)" "the natural logarithm";
+    InverseSqrt "inversesqrt" Extension "inversesqrt(R | V)" "1/√a";
+    Quat "quat" Extension "quat(x, y, z, w) | quat(axis: vec3, angle: R)" "a quaternion";
+    Conjugate "conjugate" Extension "conjugate(quat) -> quat" "(−u, w)";
+    Rotate "rotate" Extension "rotate(quat, vec3) -> vec3" "v + 2 u×(u×v + wv)";
+    ToMat3 "to_mat3" Extension "to_mat3(quat) -> mat3" "columns rotate(q, eₓ), rotate(q, e_y), rotate(q, e_z)";
+}
+
+/// Names of built-ins that parse and are answered with "not yet supported" (E1101), with their group.
+pub const LATER: &[(&str, Group)] = &[
+    ("bound", Group::Core),
+    ("inverse", Group::Core),
+    ("invert", Group::Core),
+    ("sinh", Group::Core),
+    ("cosh", Group::Core),
+    ("tanh", Group::Core),
+    ("asinh", Group::Core),
+    ("acosh", Group::Core),
+    ("atanh", Group::Core),
+    ("log2", Group::Extension),
+    ("exp2", Group::Extension),
+    ("transpose", Group::Extension),
+    ("determinant", Group::Extension),
+];

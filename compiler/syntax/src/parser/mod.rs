@@ -1,0 +1,441 @@
+//! Recursive descent over LANGUAGE 2: tokens to a tree, always to the end of the file, several errors per run.
+//! Knows the grammar; looks up no name, checks no type, and recurses only with brackets, blocks and prefix words.
+
+mod expressions;
+mod items;
+mod recovery;
+mod statements;
+mod types;
+
+use std::collections::VecDeque;
+
+use crate::lexer::{Fault, Lexer, Token, TokenKind};
+use crate::tree::{Block, BlockId, Expr, ExprId, ExprKind, Ident, Tree, TypeExpr, TypeId, TypeKind};
+use crate::{Code, Diagnostic, FileId, Limits, Span};
+
+use TokenKind as K;
+
+/// What parsing gives.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Parsed {
+    /// The tree. It is complete if there are no diagnostics.
+    pub tree: Tree,
+    /// Errors in source order, at most `limits.diagnostics`.
+    pub diagnostics: Vec<Diagnostic>,
+    /// Errors beyond that.
+    pub omitted: u64,
+}
+
+/// Reads one file. Never fails: what is wrong is reported and left out, or becomes [`ExprKind::Error`].
+#[must_use]
+pub fn parse(file: FileId, text: &str, limits: &Limits) -> Parsed {
+    let mut parser = Parser::new(file, text, limits);
+    parser.file();
+    let Parser { tree, mut diagnostics, omitted, .. } = parser;
+    diagnostics.sort_by_key(|d| d.labels.first().map(|l| (l.span.start, l.span.end)));
+    Parsed { tree, diagnostics, omitted }
+}
+
+/// Something could not be read. It has been reported; whoever can recover does, everyone else passes it on.
+#[derive(Debug, Clone, Copy)]
+struct Abort;
+
+type Parse<T> = Result<T, Abort>;
+
+/// Nesting above this would need more than the 2 MiB of stack that a thread has by default.
+const NESTING_CEILING: u64 = 512;
+
+struct Parser<'a> {
+    file: FileId,
+    text: &'a str,
+    lexer: Lexer<'a>,
+    /// Tokens read ahead.
+    ahead: VecDeque<Token>,
+    /// The token consumed last.
+    previous: Token,
+    tree: Tree,
+    diagnostics: Vec<Diagnostic>,
+    omitted: u64,
+    capacity: usize,
+    /// Characters before this were reported by the lexer's side; a `>=` taken apart is read twice.
+    scanned: usize,
+    /// An unexpected token that starts here was reported or follows from what was.
+    quiet_at: Option<usize>,
+    nesting: u64,
+    depth: u64,
+    /// `if` and `for` inside each other's heads, where no bracket counts.
+    heads: u64,
+    /// The brackets that must close, innermost last.
+    closers: Vec<K>,
+    /// Between a head's word and its `{` a call takes no blocks (LANGUAGE 2.2).
+    in_head: bool,
+    /// Blocks that were given up at the next item; their `}` may still come.
+    unclosed: u64,
+}
+
+impl<'a> Parser<'a> {
+    fn new(file: FileId, text: &'a str, limits: &Limits) -> Self {
+        let text = text.get(..text.floor_char_boundary(u32::MAX as usize - 1)).unwrap_or("");
+        Self {
+            file,
+            text,
+            lexer: Lexer::new(text),
+            ahead: VecDeque::with_capacity(4),
+            previous: Token { kind: K::End, start: 0, end: 0 },
+            tree: Tree::default(),
+            diagnostics: Vec::new(),
+            omitted: 0,
+            capacity: usize::try_from(limits.diagnostics).unwrap_or(usize::MAX),
+            scanned: 0,
+            quiet_at: None,
+            nesting: limits.nesting.min(NESTING_CEILING),
+            depth: 0,
+            heads: 0,
+            closers: Vec::new(),
+            in_head: false,
+            unclosed: 0,
+        }
+    }
+
+    /// The token `distance` after the current one.
+    fn peek(&mut self, distance: usize) -> Token {
+        loop {
+            if let Some(token) = self.ahead.get(distance) {
+                return *token;
+            }
+            let token = self.lexer.token();
+            if let K::Bad(fault) = token.kind {
+                self.report_bad(fault, token);
+            }
+            self.ahead.push_back(token);
+        }
+    }
+
+    fn current(&mut self) -> Token {
+        self.peek(0)
+    }
+
+    fn kind(&mut self) -> K {
+        self.peek(0).kind
+    }
+
+    fn at(&mut self, kind: K) -> bool {
+        self.kind() == kind
+    }
+
+    /// Consumes the current token; the end of the file stays.
+    fn bump(&mut self) -> Token {
+        let token = self.peek(0);
+        if token.kind != K::End {
+            self.ahead.pop_front();
+            self.previous = token;
+        }
+        token
+    }
+
+    fn eat(&mut self, kind: K) -> bool {
+        let found = self.at(kind);
+        if found {
+            self.bump();
+        }
+        found
+    }
+
+    /// Consumes `kind` or reports that it is missing.
+    fn expect(&mut self, kind: K) -> Parse<Token> {
+        if self.at(kind) { Ok(self.bump()) } else { self.unexpected(&format!("`{}`", kind.text())) }
+    }
+
+    /// Takes exactly one `>` and reads the rest again (LANGUAGE 1.8.4).
+    fn close_angle(&mut self) -> Parse<()> {
+        let token = self.current();
+        if token.kind != K::Ge {
+            return self.expect(K::Gt).map(|_| ());
+        }
+        self.previous = Token { kind: K::Gt, start: token.start, end: token.start + 1 };
+        self.ahead.clear();
+        self.lexer.seek(token.start + 1);
+        Ok(())
+    }
+
+    /// A name. A keyword in its place is reported as such and taken for the name, if what follows (`follow`) shows
+    /// that it was meant as one.
+    fn name(&mut self, what: &str, follow: &[K]) -> Parse<Ident> {
+        let token = self.current();
+        if token.kind == K::Ident {
+            self.bump();
+            return Ok(self.ident(token));
+        }
+        let next = self.peek(1).kind;
+        if !token.kind.is_keyword() || !follow.contains(&next) {
+            return self.unexpected(what);
+        }
+        self.bump();
+        self.report(|p| {
+            let word = token.kind.text();
+            Diagnostic::new(Code::E0204, p.span(token), format!("the keyword `{word}` cannot be used as a name"))
+                .here("keyword")
+                .help(format!("choose another name, for example `{word}_`"))
+        });
+        Ok(self.ident(token))
+    }
+
+    fn ident(&self, token: Token) -> Ident {
+        Ident { text: self.written(token).to_owned(), span: self.span(token) }
+    }
+
+    fn written(&self, token: Token) -> &'a str {
+        self.text.get(token.start..token.end).unwrap_or("")
+    }
+
+    fn span(&self, token: Token) -> Span {
+        self.range(token.start, token.end)
+    }
+
+    fn range(&self, start: usize, end: usize) -> Span {
+        let offset = |at: usize| u32::try_from(at).unwrap_or(u32::MAX);
+        Span::new(self.file, offset(start), offset(end.max(start)))
+    }
+
+    /// From a token to the one consumed last.
+    fn since(&self, start: Token) -> Span {
+        self.range(start.start, self.previous.end)
+    }
+
+    fn push_expr(&mut self, kind: ExprKind, span: Span) -> ExprId {
+        let id = ExprId(u32::try_from(self.tree.exprs.len()).unwrap_or(u32::MAX));
+        self.tree.exprs.push(Expr { kind, span });
+        id
+    }
+
+    fn push_block(&mut self, block: Block) -> BlockId {
+        let id = BlockId(u32::try_from(self.tree.blocks.len()).unwrap_or(u32::MAX));
+        self.tree.blocks.push(block);
+        id
+    }
+
+    fn push_type(&mut self, kind: TypeKind, span: Span) -> TypeId {
+        let id = TypeId(u32::try_from(self.tree.types.len()).unwrap_or(u32::MAX));
+        self.tree.types.push(TypeExpr { kind, span });
+        id
+    }
+
+    /// An expression of the tree; `Error` never happens, ids come from [`Self::push_expr`].
+    fn expr_kind(&self, id: ExprId) -> &ExprKind {
+        self.tree.exprs.get(id.0 as usize).map_or(&ExprKind::Error, |e| &e.kind)
+    }
+
+    fn expr_span(&self, id: ExprId) -> Span {
+        self.tree.exprs.get(id.0 as usize).map_or(self.range(0, 0), |e| e.span)
+    }
+
+    /// Consumes an opening bracket, runs `body`, which consumes the closing one, and keeps account of the nesting.
+    /// `None` if that is too deep: reported, and skipped to the bracket's end.
+    fn bracketed<T>(&mut self, close: K, body: impl FnOnce(&mut Self, Token) -> Parse<T>) -> Parse<Option<T>> {
+        let open = self.current();
+        if self.depth >= self.nesting {
+            self.report_too_deep(open);
+            self.skip_balanced();
+            return Ok(None);
+        }
+        self.bump();
+        self.depth += 1;
+        self.closers.push(close);
+        let in_head = std::mem::replace(&mut self.in_head, false);
+        let result = body(self, open);
+        self.in_head = in_head;
+        self.closers.pop();
+        self.depth -= 1;
+        result.map(Some)
+    }
+
+    /// Elements separated by commas up to `close`, the last comma optional; `open` has been consumed. A broken
+    /// element is reported, and stands in the list as `hole` makes it. Also whether there was a last comma.
+    fn list<T>(
+        &mut self,
+        open: Token,
+        close: K,
+        mut items: Vec<T>,
+        mut element: impl FnMut(&mut Self) -> Parse<T>,
+        hole: impl Fn(&mut Self, Token) -> Option<T>,
+    ) -> Parse<(Vec<T>, bool)> {
+        loop {
+            if self.eat(close) {
+                return Ok((items, true));
+            }
+            let start = self.current();
+            match element(self) {
+                Ok(item) => items.push(item),
+                Err(Abort) => {
+                    self.sync_list(close)?;
+                    items.extend(hole(self, start));
+                }
+            }
+            if !self.separator(open, close)? {
+                return Ok((items, false));
+            }
+        }
+    }
+
+    /// After an element: true after a comma, false after the end.
+    fn separator(&mut self, open: Token, close: K) -> Parse<bool> {
+        if self.eat(K::Comma) {
+            return Ok(true);
+        }
+        self.close(open, close, "`,` or ")?;
+        Ok(self.previous.kind == K::Comma)
+    }
+
+    /// Consumes `close`, or reports and recovers; `or` says what else may stand here, and if that is a comma, it may
+    /// be what is consumed instead.
+    fn close(&mut self, open: Token, close: K, or: &str) -> Parse<()> {
+        if self.eat(close) {
+            return Ok(());
+        }
+        let found = self.kind();
+        let other_closer = matches!(found, K::RParen | K::RBracket);
+        if other_closer || self.ends_brackets() {
+            self.report_unclosed(open, close);
+            if other_closer && !self.closers.contains(&found) {
+                self.bump();
+            }
+            return Ok(());
+        }
+        let _: Parse<()> = self.unexpected(&format!("{or}`{}`", close.text()));
+        self.sync_list(close)?;
+        if or.is_empty() && self.at(K::Comma) {
+            return Err(Abort);
+        }
+        self.bump();
+        Ok(())
+    }
+
+    fn report(&mut self, diagnostic: impl FnOnce(&Self) -> Diagnostic) {
+        if self.diagnostics.len() < self.capacity {
+            let diagnostic = diagnostic(self);
+            self.diagnostics.push(diagnostic);
+        } else {
+            self.omitted += 1;
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn report_bad(&mut self, fault: Fault, token: Token) {
+        if token.start < self.scanned {
+            return;
+        }
+        self.scanned = token.end;
+        self.report(|p| {
+            let (span, written) = (p.span(token), clip(p.written(token)));
+            match fault {
+                Fault::Characters => {
+                    let diagnostic = Diagnostic::new(Code::E0102, span, format!("`{written}` starts no token"));
+                    match written.chars().next() {
+                        Some('&' | '|') => diagnostic.help("the logical operators are `&&` and `||`"),
+                        Some('"' | '\'') => diagnostic.note("there are no strings or characters in Vola"),
+                        _ => diagnostic.help("remove it"),
+                    }
+                }
+                Fault::Number => Diagnostic::new(Code::E0103, span, format!("malformed number `{written}`"))
+                    .help("numbers are written `12`, `1.5`, `1e3` or `1.5e-3`, with digits on both sides of the point"),
+                Fault::IntTooLarge => {
+                    Diagnostic::new(Code::E0104, span, format!("the int literal `{written}` is too large"))
+                        .note("the largest int is 2147483647")
+                        .help(format!("if a real is meant, write `{written}.0`"))
+                }
+            }
+        });
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn report_too_deep(&mut self, token: Token) {
+        let limit = self.nesting;
+        self.report(|p| {
+            Diagnostic::new(Code::E1004, p.span(token), format!("nested more than {limit} deep"))
+                .here("this is the first that is too deep")
+                .note(format!("brackets, blocks and prefix operators inside each other: limit `nesting`, {limit}"))
+                .help("give inner parts names with `let` or move them to functions, or raise the limit `nesting`")
+        });
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn report_unclosed(&mut self, open: Token, close: K) {
+        let found = self.current();
+        if self.quiet_at == Some(found.start) || matches!(found.kind, K::Bad(_)) {
+            return;
+        }
+        self.quiet_at = Some(found.start);
+        self.report(|p| {
+            let (opened, close) = (p.written(open), close.text());
+            Diagnostic::new(Code::E0202, p.place(found), format!("`{opened}` is not closed"))
+                .here(format!("expected `{close}`, found {}", p.describe(found)))
+                .label(p.span(open), "opened here")
+        });
+    }
+
+    /// Reports the current token (E0201), unless that would follow from an error already reported.
+    #[cold]
+    #[inline(never)]
+    fn unexpected<T>(&mut self, expected: &str) -> Parse<T> {
+        let found = self.current();
+        let follows = matches!(found.kind, K::Bad(_)) || matches!(self.previous.kind, K::Bad(_));
+        if follows || self.quiet_at == Some(found.start) {
+            return Err(Abort);
+        }
+        self.quiet_at = Some(found.start);
+        let hint = self.hint(found);
+        self.report(|p| {
+            let message = format!("expected {expected}, found {}", p.describe(found));
+            let diagnostic =
+                Diagnostic::new(Code::E0201, p.place(found), message).here(format!("expected {expected}"));
+            match hint {
+                Some(hint) => diagnostic.help(hint),
+                None => diagnostic,
+            }
+        });
+        Err(Abort)
+    }
+
+    /// Where to point for a token: the end of the file is best shown after the last token.
+    fn place(&self, token: Token) -> Span {
+        if token.kind == K::End { self.range(self.previous.end, self.previous.end) } else { self.span(token) }
+    }
+
+    fn describe(&self, token: Token) -> String {
+        match token.kind {
+            K::End => "the end of the file".to_owned(),
+            K::Bad(_) => token.kind.text().to_owned(),
+            K::Ident | K::Int | K::Real | K::Index => {
+                format!("{} `{}`", token.kind.text(), clip(self.written(token)))
+            }
+            kind if kind.is_keyword() => format!("keyword `{}`", kind.text()),
+            kind => format!("`{}`", kind.text()),
+        }
+    }
+
+    /// What to do about frequent forms of other languages (LANGUAGE 2.7).
+    fn hint(&mut self, found: Token) -> Option<&'static str> {
+        let previous = self.written(self.previous);
+        Some(match (found.kind, self.previous.kind) {
+            (K::Assign, K::Plus | K::Minus | K::Star | K::Slash | K::Percent) => {
+                "there is no compound assignment: write `x = x + e;`"
+            }
+            (K::Assign, _) => "`==` compares; `x = e;` assigns and is a statement of its own",
+            (K::Colon, K::Ident) => "a `let` has no type annotation; cast the value: `e::<int>`",
+            (K::LBracket, _) => "components are read with `.0` or `.x`; an index is a literal",
+            (K::Plus | K::Star | K::Slash, K::RBrace) => "put an `if` that is part of an expression in parentheses",
+            (_, K::Ident) if previous == "return" => "there is no `return`: the last expression of a block is its value",
+            (_, K::Ident) if previous == "while" => "there is no `while`: loops are `for i in lo..hi { … }`",
+            _ => return None,
+        })
+    }
+}
+
+/// At most 40 characters of text for a message, without control characters.
+fn clip(text: &str) -> String {
+    let shown: String = text.chars().take(40).flat_map(|c| if c.is_control() { vec!['\u{fffd}'] } else { vec![c] }).collect();
+    if text.chars().nth(40).is_some() { shown + "…" } else { shown }
+}
