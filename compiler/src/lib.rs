@@ -1,1 +1,17 @@
-//! Placeholder.
+//! Isograd's compiler: Vola source text and a request in, an artefact out. The steps are in [`pipeline`], which is
+//! what to read first. Pure: no I/O, no threads, no clock; files come through a [`Loader`], time through a [`Watch`].
+
+mod artefact;
+mod loader;
+pub mod pipeline;
+mod request;
+mod seal;
+mod wanted;
+
+pub use artefact::{Artefact, Column, ColumnType, Manifest, Port};
+pub use isograd_graph::{Precision, Watch};
+pub use isograd_program::{Loader, ModulePath, ScalarKind, Type};
+pub use isograd_syntax::{Code, Diagnostic, Files, Limit, Limits, Severity, render};
+pub use loader::{MemoryLoader, WithStd, standard_library};
+pub use pipeline::{Checked, Export, Options, Parameter, STEPS, check, compile, print_step};
+pub use request::{Query, Rate, Request, Target, UnknownQuery};

@@ -54,6 +54,9 @@ impl std::error::Error for Exhausted {}
 /// How often the watch is asked, in nodes.
 const POLL: usize = 4096;
 
+/// Added to the scope of nodes made with [`Builder::set_apart`].
+const APART: u32 = 1 << 31;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Scope {
     id: u32,
@@ -75,6 +78,7 @@ pub struct Builder<'w> {
     max_nodes: usize,
     watch: &'w dyn Watch,
     exhausted: Option<Exhausted>,
+    apart: bool,
 }
 
 impl<'w> Builder<'w> {
@@ -92,6 +96,7 @@ impl<'w> Builder<'w> {
             max_nodes,
             watch,
             exhausted: None,
+            apart: false,
         }
     }
 
@@ -129,6 +134,19 @@ impl<'w> Builder<'w> {
         }
     }
 
+    /// Marks what is made from now on as no part of the program: it is shared among itself, never with what the
+    /// program wrote. Differentiation makes its nodes so, because a derivative that happens to look like a value of
+    /// the program must not depend on it (LANGUAGE 13.3.6).
+    pub const fn set_apart(&mut self, apart: bool) {
+        self.apart = apart;
+    }
+
+    /// Adds a copy of a node, never shared: transforms of raw graphs keep apart what elaboration kept apart. Not for
+    /// marks, inputs and carried variables.
+    pub fn append(&mut self, node: Node, scalar: Scalar) -> NodeId {
+        self.push(node, scalar)
+    }
+
     fn push(&mut self, node: Node, scalar: Scalar) -> NodeId {
         let n = self.graph.nodes.len();
         if self.exhausted.is_none() {
@@ -159,14 +177,15 @@ impl<'w> Builder<'w> {
         let constant = matches!(node, Node::Real(_) | Node::Int(_) | Node::Bool(_));
         let mut deepest = 0;
         node.each_operand(|x| deepest = deepest.max(self.depths.get(x.index()).copied().unwrap_or(0) as usize));
-        let outermost = if self.mode == Mode::Raw && !constant { here } else { deepest.min(here) };
+        let outermost = if self.mode == Mode::Raw && !constant && !self.apart { here } else { deepest.min(here) };
+        let apart = if self.apart && !constant { APART } else { 0 };
         for scope in self.scopes.get(outermost..).unwrap_or(&[]).iter().rev() {
-            if let Some(id) = self.shared.get(&(scope.id, node)) {
+            if let Some(id) = self.shared.get(&(scope.id | apart, node)) {
                 return *id;
             }
         }
         let id = self.push(node, scalar);
-        let scope = self.scopes.last().map_or(0, |s| s.id);
+        let scope = self.scopes.last().map_or(0, |s| s.id) | apart;
         if self.exhausted.is_none() {
             self.shared.insert((scope, node), id);
         }

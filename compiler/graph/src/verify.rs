@@ -54,7 +54,7 @@ struct Open {
 ///   their `end` closed;
 /// * kinds fit: conditions are bools, bounds ints, operands as the op table says;
 /// * marks are nested and linked to each other, and `counter`, `carried`, `join`, `final` name the right ones;
-/// * each `carried` has exactly one `final`;
+/// * each `carried` has exactly one `final`, and the finals of a loop follow its end, with nothing but constants between;
 /// * inputs come first, and outputs lie in the outermost region.
 ///
 /// # Errors
@@ -233,6 +233,13 @@ impl Checker<'_> {
                     *n += 1;
                 }
                 self.closed_here(id, end)?;
+                for between in end.0 + 1..id.0 {
+                    match self.graph.get(NodeId(between)) {
+                        Some(Node::Real(_) | Node::Int(_) | Node::Bool(_)) => {}
+                        Some(Node::Final { end: of, .. }) if of == end => {}
+                        _ => return Err("something else stands between the end of its loop and it".into()),
+                    }
+                }
                 if self.graph.scalar(carried) != kind {
                     return Err("of another kind than its variable".into());
                 }

@@ -1,9 +1,17 @@
 //! Modules, names, concepts and types: syntax trees become a typed program. Knows nothing of graphs.
 
 mod builtins;
+mod check;
+mod load;
+mod names;
+mod print;
+mod suggest;
 pub mod typed;
 mod types;
 
 pub use builtins::{Builtin, Group, LATER};
+pub use check::{Checked, check};
+pub use load::{Loaded, Loader, Module, ModulePath, load};
+pub use print::print;
 pub use typed::Program;
 pub use types::{ScalarKind, Type};

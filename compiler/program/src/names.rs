@@ -96,7 +96,8 @@ impl<'a> Names<'a> {
         }
         for (index, module) in modules.iter().enumerate() {
             let own = names.space(index);
-            for target in module.imports.iter().map(|i| names.space(*i)) {
+            for import in &module.imports {
+                let target = names.space(*import);
                 if let Some(space) = names.spaces.get_mut(own)
                     && target != own
                     && !space.imports.contains(&target)
@@ -240,7 +241,8 @@ impl<'a> Names<'a> {
             return Lookup::Found(builtin);
         }
         match (own, others.as_slice()) {
-            (Some(callee), _) | (None, [(callee, _)]) => Lookup::Found(*callee),
+            (Some(callee), _) => Lookup::Found(callee),
+            (None, [(callee, _)]) => Lookup::Found(*callee),
             (None, []) => match builtin(name, Group::Extension) {
                 Some(builtin) => Lookup::Found(builtin),
                 None => Lookup::Missing,
@@ -320,7 +322,7 @@ fn builtin(name: &str, group: Group) -> Option<Callee> {
 }
 
 /// The names of all built-in functions.
-pub(crate) fn builtin_names() -> impl Iterator<Item = &'static str> {
+pub(crate) fn builtin_names<'a>() -> impl Iterator<Item = &'a str> {
     Builtin::ALL.iter().map(|b| b.name()).chain(LATER.iter().map(|(n, _)| *n)).chain(["diff"])
 }
 

@@ -1,6 +1,6 @@
 //! Similar names for "did you mean". Knows characters only, not what a name stands for.
 
-/// The candidates most similar to `name`, at most three, the nearest first.
+/// The candidates most similar to `name`, all equally near, at most three.
 pub(crate) fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let wanted: Vec<char> = name.chars().collect();
     if wanted.is_empty() || wanted.len() > LONGEST {
@@ -27,7 +27,8 @@ pub(crate) fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
         .collect();
     found.sort_unstable();
     found.dedup();
-    found.into_iter().take(3).map(|(_, c)| c).collect()
+    let least = found.first().map_or(0, |(d, _)| *d);
+    found.into_iter().take_while(|(d, _)| *d == least).take(3).map(|(_, c)| c).collect()
 }
 
 /// Longer names are compared with nothing, so that hostile sources cost no time.
@@ -61,7 +62,7 @@ mod tests {
     #[test]
     fn near_names_are_found_and_far_ones_are_not() {
         assert_eq!(similar("lenght", ["length", "light", "dot"]), ["length"]);
-        assert_eq!(similar("sphere", ["Sphere", "spheres"]), ["Sphere", "spheres"]);
+        assert_eq!(similar("sphere", ["Sphere", "spheres"]), ["Sphere"]);
         assert_eq!(similar("y", ["x"]), Vec::<&str>::new());
         assert_eq!(similar("radus", ["radius", "x"]), ["radius"]);
         assert_eq!(similar(&"a".repeat(100), ["a"]), Vec::<&str>::new());

@@ -91,6 +91,7 @@ codes! {
     E1012 "too many diagnostics";
     E1101 "not yet supported";
     E1102 "bad request";
+    E1103 "error of the compiler";
     W0301 "declaration hides one of a library";
     W0302 "function has the name of a core built-in";
     W0401 "cast of a type to itself";
@@ -100,6 +101,7 @@ codes! {
     W0502 "write that is lost";
     W0601 "eval whose value is not used";
     W0602 "csg loop unrolled many times";
+    W0603 "outdated form";
     W0701 "derivative is always 0";
     W0901 "unknown attribute";
 }

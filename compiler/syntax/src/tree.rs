@@ -89,7 +89,7 @@ pub enum ItemKind {
     Concept {
         /// Its name.
         name: Ident,
-        /// The source; absent in the [24] form.
+        /// The source; absent in the \[24\] form.
         source: Option<TypeId>,
         /// The target.
         target: TypeId,
@@ -102,7 +102,7 @@ pub enum ItemKind {
         operands: Vec<Ident>,
         /// The concept.
         concept: Ident,
-        /// The concept's arguments: one; several or none in [24] forms.
+        /// The concept's arguments: one; several or none in \[24\] forms.
         args: Vec<Ident>,
         /// The body.
         body: BlockId,
@@ -115,9 +115,9 @@ pub enum ItemKind {
         name: Ident,
         /// Parameters.
         params: Vec<Param>,
-        /// The result's type; `None` in the [24] forms `export f(…) {…}` and `define f(…) {…}`.
+        /// The result's type; `None` in the \[24\] forms `export f(…) {…}` and `define f(…) {…}`.
         result: Option<TypeId>,
-        /// Whether it is a [24] `define`.
+        /// Whether it is a \[24\] `define`.
         define: bool,
         /// The body.
         body: BlockId,
@@ -294,7 +294,7 @@ pub enum ExprKind {
         concept: Ident,
         /// Arguments.
         args: Vec<ExprId>,
-        /// False in the [24] form without the word.
+        /// False in the \[24\] form without the word.
         word: bool,
     },
     /// `(a, b)`, at least two
@@ -322,7 +322,7 @@ pub enum ExprKind {
         /// The last block.
         otherwise: Option<BlockId>,
     },
-    /// `for v = init in lo..hi {…}` [24]
+    /// `for v = init in lo..hi {…}` \[24\]
     Loop {
         /// The carried name.
         name: Ident,

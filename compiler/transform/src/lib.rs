@@ -1,1 +1,17 @@
-//! Placeholder.
+//! Graph to graph: each transform is a function that rebuilds the graph through a builder. Knows nothing of source
+//! text and of targets.
+
+mod copy;
+mod derive;
+mod differentiate;
+mod fold;
+mod live;
+mod order;
+mod raw;
+mod schedule;
+
+pub use derive::{Wanted, derive};
+pub use differentiate::{DifferentiateError, differentiate};
+pub use fold::{fold, kernels, optimise};
+pub use live::live;
+pub use schedule::schedule;

@@ -1,1 +1,210 @@
-//! Placeholder.
+//! Graphs to WebAssembly: one module with a loop over points in lanes (DESIGN 7). Takes a graph after `kernels`, as it
+//! stands: it reorders nothing and knows nothing of source text, differentiation and hosts.
+//!
+//! `lanes` holds the instruction texts of the op table as bytes; `rates` says what is computed once and what in every
+//! lane; `lives`, in which order and for how long; `pressure`, how many vectors at a time; `layout`, where columns
+//! lie; `emit` and `regions` write the code. No relaxed SIMD, no fused operations, constants at each use.
+
+mod code;
+mod emit;
+mod lanes;
+mod layout;
+mod lives;
+mod pressure;
+mod rates;
+mod regions;
+
+use std::borrow::Cow;
+
+use isograd_graph::{NodeId, Op, Precision, Verified};
+use wasm_encoder::{
+    CodeSection, CustomSection, ExportKind, ExportSection, FunctionSection, MemorySection, MemoryType, TypeSection,
+    ValType,
+};
+
+pub use layout::{Layout, Slot};
+pub use pressure::Facts;
+
+/// The custom section that holds the manifest.
+pub const MANIFEST: &str = "isograd.manifest";
+
+/// WebAssembly implementations refuse functions of more bytes.
+const FUNCTION_BYTES: usize = 7_654_321;
+
+/// Vectors of points that an iteration computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Vectors {
+    /// One: four points, in f64 two.
+    One = 1,
+    /// Two.
+    Two = 2,
+    /// Four.
+    Four = 4,
+}
+
+/// How to emit.
+#[derive(Debug, Clone, Copy)]
+pub struct Options<'a> {
+    /// What reals are; that of the graph.
+    pub precision: Precision,
+    /// For each input of the graph whether it has a value for each point.
+    pub varying: &'a [bool],
+    /// Vectors per iteration; `None` chooses by the number of values that live at once.
+    pub vectors: Option<Vectors>,
+}
+
+/// An emitted module.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Module {
+    /// The WebAssembly.
+    pub bytes: Vec<u8>,
+    /// Where its columns lie.
+    pub layout: Layout,
+    /// What its compilation and its calls may take.
+    pub facts: Facts,
+}
+
+/// Why a graph was not emitted. All but the limits are mistakes of the compiler, not of its user.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum EmitError {
+    /// The graph is not ready: `fresh` or `diff`.
+    #[error("node %{} should have been expanded before emission", .0.0)]
+    Unexpanded(NodeId),
+    /// An operation without a lane lowering, or with a wrong one.
+    #[error("the operation {0} has no instructions and should have been expanded before emission")]
+    NoLanes(Op),
+    /// A carried variable is to become a value that is computed after the loop.
+    #[error("final %{} names a value that is computed after its loop", .0.0)]
+    LateNext(NodeId),
+    /// The options do not fit the graph.
+    #[error("{what}")]
+    Options {
+        /// In what way.
+        what: &'static str,
+    },
+    /// The columns take too much memory.
+    #[error("the columns of a block take {bytes} bytes of memory; at most 1 GiB is possible")]
+    Memory {
+        /// What they take.
+        bytes: u64,
+    },
+    /// More locals than WebAssembly allows.
+    #[error("{count} values live at once; WebAssembly allows 50,000")]
+    Locals {
+        /// How many.
+        count: u32,
+    },
+    /// More code than WebAssembly allows.
+    #[error("the function has {bytes} bytes; WebAssembly allows 7,654,321")]
+    Code {
+        /// How many.
+        bytes: usize,
+    },
+}
+
+/// All decisions about a module, before its code is written: the layout is known here, so that a manifest can
+/// describe it.
+pub struct Plan<'g> {
+    graph: &'g Verified,
+    rates: rates::Rates,
+    lives: lives::Lives,
+    vectors: Vectors,
+    layout: Layout,
+    facts: Facts,
+}
+
+impl<'g> Plan<'g> {
+    /// Plans a module.
+    ///
+    /// # Errors
+    /// If the graph is not ready for emission, the options do not fit it, or it needs too much memory.
+    pub fn new(graph: &'g Verified, options: &Options<'_>) -> Result<Self, EmitError> {
+        if options.varying.len() != graph.inputs.len() {
+            return Err(EmitError::Options { what: "a rate must be given for each input of the graph" });
+        }
+        if graph.precision != Some(options.precision) {
+            return Err(EmitError::Options { what: "the graph has another precision" });
+        }
+        let rates = rates::Rates::new(graph, options.varying)?;
+        let lives = lives::Lives::new(graph, &rates);
+        let vectors = match options.vectors {
+            Some(vectors) => vectors,
+            None => pressure::vectors(graph, &rates, &lives, options.precision)?,
+        };
+        let pad = vectors as u32 * 16 / options.precision.bytes();
+        let layout = layout::place(graph, options.varying, options.precision, pad)?;
+        let facts = pressure::facts(graph, &lives);
+        Ok(Self { graph, rates, lives, vectors, layout, facts })
+    }
+
+    /// Where the columns will lie.
+    #[must_use]
+    pub const fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// What compilation and calls may take.
+    #[must_use]
+    pub const fn facts(&self) -> Facts {
+        self.facts
+    }
+
+    /// Vectors per iteration.
+    #[must_use]
+    pub const fn vectors(&self) -> Vectors {
+        self.vectors
+    }
+
+    /// Writes the module. The manifest goes into the custom section [`MANIFEST`]; an empty one is left out.
+    ///
+    /// # Errors
+    /// If the code exceeds a limit of WebAssembly.
+    pub fn emit(self, manifest: &[u8]) -> Result<Module, EmitError> {
+        let body = emit::body(self.graph, &self.rates, &self.lives, &self.layout, self.vectors as u32)?;
+        if body.len() > FUNCTION_BYTES {
+            return Err(EmitError::Code { bytes: body.len() });
+        }
+        Ok(Module { bytes: assemble(&body, self.layout.memory, manifest), layout: self.layout, facts: self.facts })
+    }
+}
+
+/// Plans and writes a module at once.
+///
+/// # Errors
+/// As [`Plan::new`] and [`Plan::emit`].
+pub fn emit(graph: &Verified, options: &Options<'_>, manifest: &[u8]) -> Result<Module, EmitError> {
+    Plan::new(graph, options)?.emit(manifest)
+}
+
+/// Puts the body of `eval` into a module.
+fn assemble(eval: &[u8], memory: u32, manifest: &[u8]) -> Vec<u8> {
+    let mut types = TypeSection::new();
+    types.ty().function([ValType::I32], []);
+    types.ty().function([], []);
+    let mut functions = FunctionSection::new();
+    functions.function(0).function(1);
+    let pages = u64::from(memory >> 16);
+    let mut memories = MemorySection::new();
+    memories.memory(MemoryType {
+        minimum: pages,
+        maximum: Some(pages),
+        memory64: false,
+        shared: false,
+        page_size_log2: None,
+    });
+    let mut exports = ExportSection::new();
+    exports.export("memory", ExportKind::Memory, 0);
+    exports.export("eval", ExportKind::Func, 0);
+    exports.export("point", ExportKind::Func, 1);
+    let mut point = wasm_encoder::Function::new([]);
+    point.instructions().i32_const(1).call(0).end();
+    let mut code = CodeSection::new();
+    code.raw(eval).function(&point);
+
+    let mut module = wasm_encoder::Module::new();
+    module.section(&types).section(&functions).section(&memories).section(&exports).section(&code);
+    if !manifest.is_empty() {
+        module.section(&CustomSection { name: Cow::Borrowed(MANIFEST), data: Cow::Borrowed(manifest) });
+    }
+    module.finish()
+}

@@ -49,7 +49,7 @@ pub(super) fn resolve(tree: &Tree, id: TypeId, report: &mut Report) -> Type {
             if inner == Type::Csg {
                 csg_inside(report, written.span, "an interval");
             } else {
-                later(report, written.span, "interval types");
+                later(report, written.span, "interval types are");
             }
             Type::Error
         }
@@ -69,7 +69,7 @@ pub(super) fn resolve(tree: &Tree, id: TypeId, report: &mut Report) -> Type {
                     None | Some((Type::Real, _)) => shape,
                     Some((Type::Error, _)) => Type::Error,
                     Some((Type::Int, _)) if matches!(shape, Type::Vector(_)) => {
-                        later(report, written.span, "vectors of int");
+                        later(report, written.span, "vectors of int are");
                         Type::Error
                     }
                     Some((_, inner)) => {
@@ -137,10 +137,10 @@ fn unsupported(report: &mut Report, span: Span, message: &str) {
     report.push(Diagnostic::new(Code::E0410, span, message).note(SUPPORTED));
 }
 
-/// E1101.
+/// E1101; `feature` ends with its verb.
 pub(super) fn later(report: &mut Report, span: Span, feature: &str) {
     report.push(
-        Diagnostic::new(Code::E1101, span, format!("{feature} are not yet supported"))
+        Diagnostic::new(Code::E1101, span, format!("{feature} not yet supported"))
             .note("they are part of the language and will be compiled by a later version"),
     );
 }

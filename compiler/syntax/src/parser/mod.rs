@@ -63,12 +63,18 @@ struct Parser<'a> {
     quiet_at: Option<usize>,
     nesting: u64,
     depth: u64,
+    /// Whether [`Code::E1004`] was reported for this item; more of it would say nothing new.
+    too_deep: bool,
     /// `if` and `for` inside each other's heads, where no bracket counts.
     heads: u64,
     /// The brackets that must close, innermost last.
     closers: Vec<K>,
     /// Between a head's word and its `{` a call takes no blocks (LANGUAGE 2.2).
     in_head: bool,
+    /// Heads being read, with brackets in them or not.
+    open_heads: u64,
+    /// Inside a block that stands where none may, which is reported once.
+    in_bare_block: bool,
     /// Blocks that were given up at the next item; their `}` may still come.
     unclosed: u64,
 }
@@ -90,9 +96,12 @@ impl<'a> Parser<'a> {
             quiet_at: None,
             nesting: limits.nesting.min(NESTING_CEILING),
             depth: 0,
+            too_deep: false,
             heads: 0,
             closers: Vec::new(),
             in_head: false,
+            open_heads: 0,
+            in_bare_block: false,
             unclosed: 0,
         }
     }
@@ -263,6 +272,10 @@ impl<'a> Parser<'a> {
             if self.eat(close) {
                 return Ok((items, true));
             }
+            if self.ends_brackets() {
+                self.report_unclosed(open, close);
+                return Ok((items, false));
+            }
             let start = self.current();
             match element(self) {
                 Ok(item) => items.push(item),
@@ -294,7 +307,8 @@ impl<'a> Parser<'a> {
         }
         let found = self.kind();
         let other_closer = matches!(found, K::RParen | K::RBracket);
-        if other_closer || self.ends_brackets() {
+        let head_ends = found == K::LBrace && self.open_heads > 0;
+        if other_closer || head_ends || self.ends_brackets() {
             self.report_unclosed(open, close);
             if other_closer && !self.closers.contains(&found) {
                 self.bump();
@@ -303,8 +317,8 @@ impl<'a> Parser<'a> {
         }
         let _: Parse<()> = self.unexpected(&format!("{or}`{}`", close.text()));
         self.sync_list(close)?;
-        if or.is_empty() && self.at(K::Comma) {
-            return Err(Abort);
+        while or.is_empty() && self.eat(K::Comma) {
+            self.sync_list(close)?;
         }
         self.bump();
         Ok(())
@@ -351,6 +365,9 @@ impl<'a> Parser<'a> {
     #[cold]
     #[inline(never)]
     fn report_too_deep(&mut self, token: Token) {
+        if std::mem::replace(&mut self.too_deep, true) {
+            return;
+        }
         let limit = self.nesting;
         self.report(|p| {
             Diagnostic::new(Code::E1004, p.span(token), format!("nested more than {limit} deep"))
@@ -389,8 +406,7 @@ impl<'a> Parser<'a> {
         let hint = self.hint(found);
         self.report(|p| {
             let message = format!("expected {expected}, found {}", p.describe(found));
-            let diagnostic =
-                Diagnostic::new(Code::E0201, p.place(found), message).here(format!("expected {expected}"));
+            let diagnostic = Diagnostic::new(Code::E0201, p.place(found), message).here(format!("expected {expected}"));
             match hint {
                 Some(hint) => diagnostic.help(hint),
                 None => diagnostic,
@@ -423,12 +439,17 @@ impl<'a> Parser<'a> {
             (K::Assign, K::Plus | K::Minus | K::Star | K::Slash | K::Percent) => {
                 "there is no compound assignment: write `x = x + e;`"
             }
-            (K::Assign, _) => "`==` compares; `x = e;` assigns and is a statement of its own",
+            (K::Assign, K::Ident | K::Index | K::Int | K::Real | K::RParen | K::RBracket) => {
+                "`==` compares; `x = e;` assigns and is a statement of its own"
+            }
             (K::Colon, K::Ident) => "a `let` has no type annotation; cast the value: `e::<int>`",
             (K::LBracket, _) => "components are read with `.0` or `.x`; an index is a literal",
             (K::Plus | K::Star | K::Slash, K::RBrace) => "put an `if` that is part of an expression in parentheses",
-            (_, K::Ident) if previous == "return" => "there is no `return`: the last expression of a block is its value",
+            (_, K::Ident) if previous == "return" => {
+                "there is no `return`: the last expression of a block is its value"
+            }
             (_, K::Ident) if previous == "while" => "there is no `while`: loops are `for i in lo..hi { … }`",
+            (K::LBrace, K::LBrace | K::RBrace | K::Semi) => "there are no bare blocks: `if` and `for` have blocks",
             _ => return None,
         })
     }
@@ -436,6 +457,7 @@ impl<'a> Parser<'a> {
 
 /// At most 40 characters of text for a message, without control characters.
 fn clip(text: &str) -> String {
-    let shown: String = text.chars().take(40).flat_map(|c| if c.is_control() { vec!['\u{fffd}'] } else { vec![c] }).collect();
+    let shown: String =
+        text.chars().take(40).flat_map(|c| if c.is_control() { vec!['\u{fffd}'] } else { vec![c] }).collect();
     if text.chars().nth(40).is_some() { shown + "…" } else { shown }
 }

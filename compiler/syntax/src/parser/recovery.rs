@@ -6,17 +6,21 @@ use super::{Abort, K, Parse, Parser};
 impl Parser<'_> {
     /// Whether an item starts at the current token, which is possible nowhere inside an item.
     pub(super) fn at_item(&mut self) -> bool {
-        matches!(
-            self.kind(),
-            K::Module | K::Entity | K::Operation | K::Concept | K::Impl | K::Fn | K::Export | K::Hash
-        )
+        let next = match self.kind() {
+            K::Module | K::Entity | K::Operation | K::Concept | K::Impl | K::Fn | K::Export | K::Hash => {
+                self.peek(1).kind
+            }
+            _ => return false,
+        };
+        if self.at(K::Hash) { next == K::LBracket } else { next == K::Ident || next.is_keyword() }
     }
 
     /// Whether no bracket but a block can still be open at the current token.
     pub(super) fn ends_brackets(&mut self) -> bool {
+        let next = self.peek(1).kind;
         match self.kind() {
-            K::Semi | K::RBrace | K::End | K::Let => true,
-            K::Csg => self.peek(1).kind == super::K::Ident,
+            K::Semi | K::RBrace | K::End => true,
+            K::Let | K::Csg => next == K::Ident || next.is_keyword(),
             _ => self.at_item(),
         }
     }
@@ -56,8 +60,7 @@ impl Parser<'_> {
             if kind == K::Comma || kind == close {
                 return Ok(());
             }
-            let enclosing = matches!(kind, K::RParen | K::RBracket) && self.closers.contains(&kind);
-            if enclosing || (self.ends_brackets() && !(kind == K::Semi && close == K::RBracket)) {
+            if self.at_enclosing_closer() || (self.ends_brackets() && !(close == K::RBracket && self.at_splat())) {
                 self.quiet();
                 return Err(Abort);
             }
@@ -68,13 +71,26 @@ impl Parser<'_> {
     /// To the `{` of the block that follows a broken head.
     pub(super) fn sync_block(&mut self) -> Parse<()> {
         while !self.at(K::LBrace) {
-            if self.ends_brackets() && !self.at_splat() {
+            if self.at_enclosing_closer() || self.ends_brackets() {
                 self.quiet();
                 return Err(Abort);
             }
-            self.bump();
+            self.skip_balanced();
         }
         Ok(())
+    }
+
+    /// To the end of the statement or of the bracket around it.
+    pub(super) fn skip_to_end(&mut self) {
+        while !self.at_enclosing_closer() && !self.ends_brackets() {
+            self.skip_balanced();
+        }
+        self.quiet();
+    }
+
+    fn at_enclosing_closer(&mut self) -> bool {
+        let kind = self.kind();
+        matches!(kind, K::RParen | K::RBracket) && self.closers.contains(&kind)
     }
 
     /// To the next statement: after a `;`, before the `}` of this block, before a word that starts a statement.
@@ -90,18 +106,22 @@ impl Parser<'_> {
                     return;
                 }
                 K::Let | K::If | K::For if braces == 0 => return,
+                K::Csg if braces == 0 && self.peek(1).kind == K::Ident => return,
                 K::LBrace => braces += 1,
                 K::RBrace => braces -= 1,
                 _ => {}
             }
-            self.bump();
+            let block_ends = self.bump().kind == K::RBrace && braces == 0;
+            if block_ends && matches!(self.kind(), K::Ident | K::Eval) {
+                return;
+            }
         }
     }
 
     /// To the next item.
     pub(super) fn sync_item(&mut self) {
         let mut braces = 0_u64;
-        while !self.at_item() && !self.at(K::End) && !(braces == 0 && self.at_define()) {
+        while !(self.at_item() || self.at(K::End) || (braces == 0 && self.at_define())) {
             match self.bump().kind {
                 K::LBrace => braces += 1,
                 K::RBrace => braces = braces.saturating_sub(1),

@@ -54,11 +54,20 @@ impl Parser<'_> {
                 let name = self.ident(start);
                 self.bump();
                 self.bump();
-                let value = self.expr()?;
-                self.end_of_statement(value, "`;`");
+                let value = self.value();
+                StmtKind::Assign { name, value }
+            }
+            (word, K::Assign) if word.is_keyword() && !matches!(word, K::If | K::For) => {
+                let name = self.name("a name", &[K::Assign])?;
+                self.bump();
+                let value = self.value();
                 StmtKind::Assign { name, value }
             }
             (K::For, _) if self.peek(2).kind != K::Assign => self.for_statement()?,
+            (K::LBrace, _) => {
+                self.bare_block()?;
+                StmtKind::Empty
+            }
             (K::If, _) => StmtKind::If(self.branch()?),
             _ => {
                 let value = self.expr()?;
@@ -66,7 +75,7 @@ impl Parser<'_> {
                     return Ok(Part::Value(value));
                 }
                 if self.at(K::Assign) && matches!(self.expr_kind(value), ExprKind::Access { .. }) {
-                    self.component_assignment(value)?;
+                    self.component_assignment(value);
                     StmtKind::Empty
                 } else {
                     self.end_of_statement(value, "`;` or `}`");
@@ -82,8 +91,7 @@ impl Parser<'_> {
         self.bump();
         let name = self.name("a name", &[K::Assign])?;
         self.expect(K::Assign)?;
-        let value = self.expr()?;
-        self.end_of_statement(value, "`;`");
+        let value = self.value();
         Ok(StmtKind::Bind { csg: start.kind == K::Csg, name, value })
     }
 
@@ -91,12 +99,24 @@ impl Parser<'_> {
     fn for_statement(&mut self) -> Parse<StmtKind> {
         self.bump();
         let counter = self.name("the name of the counter", &[K::In])?;
-        if !self.at(K::In) {
-            return self.unexpected("`in` (a loop) or `=` (a loop as a value)");
-        }
         let (lo, hi) = self.range_head()?;
         let body = self.block()?;
         Ok(StmtKind::For { counter, lo, hi, body })
+    }
+
+    /// `e;` at the end of a statement. A statement whose value is broken remains one, so that its name is known.
+    fn value(&mut self) -> ExprId {
+        let start = self.current();
+        match self.expr() {
+            Ok(value) => {
+                self.end_of_statement(value, "`;`");
+                value
+            }
+            Err(Abort) => {
+                self.sync_statement();
+                self.hole(start)
+            }
+        }
     }
 
     /// The `;` of a statement. Where it is missing at the end of a line, or before what can only come after it, the
@@ -116,16 +136,25 @@ impl Parser<'_> {
         }
     }
 
+    /// A block that belongs to nothing: read for its own errors, and dropped.
+    fn bare_block(&mut self) -> Parse<()> {
+        if !self.in_bare_block {
+            let _: Parse<()> = self.unexpected("a statement");
+        }
+        let outer = std::mem::replace(&mut self.in_bare_block, true);
+        let block = self.block();
+        self.in_bare_block = outer;
+        block.map(|_| ())
+    }
+
     /// `a.x = e;` is what the language does not have (LANGUAGE 2.7).
-    fn component_assignment(&mut self, target: ExprId) -> Parse<()> {
+    fn component_assignment(&mut self, target: ExprId) {
         let span = self.expr_span(target);
         self.report(|_| {
             Diagnostic::new(Code::E0207, span, "a component cannot be assigned")
                 .help("rebuild the whole value, for example `v = [e, v.y, v.z];`")
         });
         self.bump();
-        let value = self.expr()?;
-        self.end_of_statement(value, "`;`");
-        Ok(())
+        self.value();
     }
 }

@@ -33,7 +33,7 @@ impl Parser<'_> {
     }
 
     /// `<T>`, if it is there.
-    fn element(&mut self, word: Token) -> Parse<Option<TypeId>> {
+    pub(super) fn element(&mut self, word: Token) -> Parse<Option<TypeId>> {
         if !self.at(K::Lt) {
             return Ok(None);
         }

@@ -1,0 +1,204 @@
+//! The built-in functions in operations of the graph: the formulas of LANGUAGE 5 and 16 in the order written there.
+//! Knows nothing of where arguments come from; `None` means arguments that the checker never lets through.
+
+use isograd_graph::{NodeId, Op};
+use isograd_program::{Builtin, Type};
+
+use crate::nodes::Nodes;
+use crate::value::Scalars;
+
+impl Nodes<'_> {
+    /// The value of a built-in.
+    pub(crate) fn builtin(&mut self, builtin: Builtin, types: &[Type], args: &[Scalars]) -> Option<Scalars> {
+        let int = types.first() == Some(&Type::Int);
+        let of = |real: Op, integer: Op| if int { integer } else { real };
+        match builtin {
+            Builtin::Dot => self.dot(args.first()?, args.get(1)?).map(Scalars::one),
+            Builtin::Cross => {
+                let [a, b] = args else { return None };
+                Some(self.cross(triple(a)?, triple(b)?).into_iter().collect())
+            }
+            Builtin::Length => self.length(args.first()?).map(Scalars::one),
+            Builtin::Sqrt => self.unary(Op::Sqrt, args),
+            Builtin::Exp => self.unary(Op::Exp, args),
+            Builtin::Pow => self.two(args, |n, a, b| n.op(Op::Pow, &[a, b])),
+            Builtin::Min => self.two(args, |n, a, b| n.op(of(Op::Min, Op::IntMin), &[a, b])),
+            Builtin::Max => self.two(args, |n, a, b| n.op(of(Op::Max, Op::IntMax), &[a, b])),
+            Builtin::Clamp => self.three(args, |n, x, lo, hi| {
+                let x = n.op(of(Op::Max, Op::IntMax), &[x, lo]);
+                n.op(of(Op::Min, Op::IntMin), &[x, hi])
+            }),
+            Builtin::Mix | Builtin::Lerp => self.three(args, Self::mix),
+            Builtin::Mod => self.two(args, |n, a, b| n.modulo(int, a, b)),
+            Builtin::Fract => self.one(args, |n, a| {
+                let floor = n.op(Op::Floor, &[a]);
+                n.sub(a, floor)
+            }),
+            Builtin::Abs => self.unary(of(Op::Abs, Op::IntAbs), args),
+            Builtin::Floor => self.unary(Op::Floor, args),
+            Builtin::Ceil => self.unary(Op::Ceil, args),
+            Builtin::Round => self.unary(Op::Round, args),
+            Builtin::Sin => self.unary(Op::Sin, args),
+            Builtin::Cos => self.unary(Op::Cos, args),
+            Builtin::Tan => self.unary(Op::Tan, args),
+            Builtin::Asin => self.unary(Op::Asin, args),
+            Builtin::Acos => self.unary(Op::Acos, args),
+            Builtin::Atan => self.unary(Op::Atan, args),
+            Builtin::Atan2 => self.two(args, |n, y, x| n.op(Op::Atan2, &[y, x])),
+            Builtin::Normalize => self.normalize(args.first()?),
+            Builtin::Distance => {
+                let difference = self.two(args, Self::sub)?;
+                self.length(&difference).map(Scalars::one)
+            }
+            Builtin::Reflect => {
+                let [i, n] = args else { return None };
+                let dot = self.dot(n, i)?;
+                let two = self.real(2.0);
+                let twice = self.mul(two, dot);
+                self.pairs(i, n, |b, i, n| {
+                    let along = b.mul(n, twice);
+                    b.sub(i, along)
+                })
+            }
+            Builtin::Sign => self.unary(of(Op::Sign, Op::IntSign), args),
+            Builtin::Step => self.two(args, |n, edge, x| {
+                let below = n.op(Op::Lt, &[x, edge]);
+                let (zero, one) = (n.real(0.0), n.real(1.0));
+                n.op(Op::Select, &[below, zero, one])
+            }),
+            Builtin::Smoothstep => self.three(args, Self::smoothstep),
+            Builtin::Saturate => self.one(args, Self::saturate),
+            Builtin::Trunc => self.unary(Op::Trunc, args),
+            Builtin::Log => self.unary(Op::Log, args),
+            Builtin::InverseSqrt => self.one(args, |n, a| {
+                let (one, root) = (n.real(1.0), n.op(Op::Sqrt, &[a]));
+                n.div(one, root)
+            }),
+            Builtin::Quat => self.quat(args),
+            Builtin::Conjugate => {
+                let [x, y, z, w] = quadruple(args.first()?)?;
+                let negative = self.each(&[x, y, z], |n, a| n.op(Op::Neg, &[a]));
+                Some(negative.iter().copied().chain([w]).collect())
+            }
+            Builtin::Rotate => {
+                let [q, v] = args else { return None };
+                self.rotate(quadruple(q)?, triple(v)?)
+            }
+            Builtin::ToMat3 => {
+                let q = quadruple(args.first()?)?;
+                let (zero, one) = (self.real(0.0), self.real(1.0));
+                let mut columns = Vec::with_capacity(9);
+                for axis in [[one, zero, zero], [zero, one, zero], [zero, zero, one]] {
+                    columns.extend_from_slice(&self.rotate(q, axis)?);
+                }
+                Some(columns.into_iter().collect())
+            }
+        }
+    }
+
+    fn one(&mut self, args: &[Scalars], f: impl FnMut(&mut Self, NodeId) -> NodeId) -> Option<Scalars> {
+        let [a] = args else { return None };
+        Some(self.each(a, f))
+    }
+
+    fn unary(&mut self, op: Op, args: &[Scalars]) -> Option<Scalars> {
+        self.one(args, |n, a| n.op(op, &[a]))
+    }
+
+    fn two(&mut self, args: &[Scalars], f: impl FnMut(&mut Self, NodeId, NodeId) -> NodeId) -> Option<Scalars> {
+        let [a, b] = args else { return None };
+        self.pairs(a, b, f)
+    }
+
+    fn three(
+        &mut self,
+        args: &[Scalars],
+        mut f: impl FnMut(&mut Self, NodeId, NodeId, NodeId) -> NodeId,
+    ) -> Option<Scalars> {
+        let [a, b, c] = args else { return None };
+        let fits = a.len() == b.len() && b.len() == c.len();
+        fits.then(|| a.iter().zip(b.iter()).zip(c.iter()).map(|((a, b), c)| f(self, *a, *b, *c)).collect())
+    }
+
+    /// `a*(1-t) + b*t`
+    fn mix(&mut self, a: NodeId, b: NodeId, t: NodeId) -> NodeId {
+        let one = self.real(1.0);
+        let rest = self.sub(one, t);
+        let (left, right) = (self.mul(a, rest), self.mul(b, t));
+        self.add(left, right)
+    }
+
+    /// `min(max(a, 0), 1)`
+    fn saturate(&mut self, a: NodeId) -> NodeId {
+        let (zero, one) = (self.real(0.0), self.real(1.0));
+        let a = self.op(Op::Max, &[a, zero]);
+        self.op(Op::Min, &[a, one])
+    }
+
+    /// `t = saturate((x-e0)/(e1-e0)); t*t*(3.0-2.0*t)`
+    fn smoothstep(&mut self, e0: NodeId, e1: NodeId, x: NodeId) -> NodeId {
+        let (above, width) = (self.sub(x, e0), self.sub(e1, e0));
+        let ratio = self.div(above, width);
+        let t = self.saturate(ratio);
+        let (two, three) = (self.real(2.0), self.real(3.0));
+        let square = self.mul(t, t);
+        let twice = self.mul(two, t);
+        let rest = self.sub(three, twice);
+        self.mul(square, rest)
+    }
+
+    /// ‖v‖
+    fn length(&mut self, v: &[NodeId]) -> Option<NodeId> {
+        let op = match v.len() {
+            2 => Op::Length2,
+            3 => Op::Length3,
+            4 => Op::Length4,
+            _ => return None,
+        };
+        Some(self.op(op, v))
+    }
+
+    /// `v / ‖v‖`, 0 where ‖v‖ computes 0
+    fn normalize(&mut self, v: &[NodeId]) -> Option<Scalars> {
+        let length = self.length(v)?;
+        Some(self.each(v, |n, x| n.op(Op::Unit, &[x, length])))
+    }
+
+    /// The components, or `u = normalize(axis)*sin(angle*0.5)`, `w = cos(angle*0.5)` (LANGUAGE 16.1).
+    fn quat(&mut self, args: &[Scalars]) -> Option<Scalars> {
+        let [axis, angle] = args else {
+            return (args.len() == 4).then(|| args.iter().flat_map(|a| a.iter().copied()).collect());
+        };
+        let [angle] = **angle else { return None };
+        let half = self.real(0.5);
+        let half = self.mul(angle, half);
+        let (sin, cos) = (self.op(Op::Sin, &[half]), self.op(Op::Cos, &[half]));
+        let axis = self.normalize(axis)?;
+        let u = self.each(&axis, |n, x| n.mul(x, sin));
+        Some(u.iter().copied().chain([cos]).collect())
+    }
+
+    /// `v + cross(u, cross(u, v) + v*w)*2.0`
+    fn rotate(&mut self, [x, y, z, w]: [NodeId; 4], v: [NodeId; 3]) -> Option<Scalars> {
+        let u = [x, y, z];
+        let inner = self.cross(u, v);
+        let inner = self.pairs(&inner, &v, |n, c, v| {
+            let scaled = n.mul(v, w);
+            n.add(c, scaled)
+        })?;
+        let outer = self.cross(u, triple(&inner)?);
+        let two = self.real(2.0);
+        self.pairs(&v, &outer, |n, v, c| {
+            let twice = n.mul(c, two);
+            n.add(v, twice)
+        })
+    }
+}
+
+fn triple(v: &[NodeId]) -> Option<[NodeId; 3]> {
+    v.try_into().ok()
+}
+
+fn quadruple(v: &[NodeId]) -> Option<[NodeId; 4]> {
+    v.try_into().ok()
+}

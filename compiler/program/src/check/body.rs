@@ -1,0 +1,256 @@
+//! The state while one body is checked: slots, scopes and the constructs around (LANGUAGE 6.4, 6.5), and the code
+//! written so far. Knows which variables a construct writes; knows nothing of types' rules.
+
+use std::collections::BTreeSet;
+
+use isograd_syntax::{
+    Code as Error, Diagnostic, Span,
+    tree::{BlockId, ExprId, Tree},
+};
+use rustc_hash::FxHashMap;
+
+use super::{Report, World, liveness, tree};
+use crate::{
+    Type,
+    names::Kind,
+    typed::{Code, DefinitionId, FunctionId, Instruction, Local, Slot},
+};
+
+/// A local variable while its scope is open.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Variable {
+    pub slot: Slot,
+    /// Where it was defined.
+    pub span: Span,
+    /// What it was bound to.
+    pub value: Option<ExprId>,
+    /// An assignment in a value block gave it another type; the name was defined further out.
+    pub copied: bool,
+}
+
+/// What a construct does with writes to outer variables.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FrameKind {
+    /// Branches of an `if` in statement position, or a loop body: writes reach the outer variable.
+    Through,
+    /// Branches of an `if` used as a value: writes end with it.
+    Value,
+    /// A block of a scoped call: writes end with it.
+    Block,
+    /// The body of a [24] loop expression: only this slot may be written.
+    Only(Slot),
+}
+
+/// A construct that is open.
+#[derive(Debug)]
+pub(super) struct Frame {
+    kind: FrameKind,
+    /// Slots from this one on were made inside.
+    start: u32,
+    /// Scopes from this one on are inside.
+    scope: usize,
+    writes: BTreeSet<Slot>,
+}
+
+/// What a body uses, for the searches for cycles.
+#[derive(Debug, Default)]
+pub(super) struct Uses {
+    /// Functions called.
+    pub calls: Vec<(FunctionId, Span)>,
+    /// Nodes built.
+    pub built: Vec<(DefinitionId, Span)>,
+}
+
+/// A body being checked.
+pub(super) struct Body<'a> {
+    pub world: &'a World<'a>,
+    pub tree: &'a Tree,
+    /// The name space it is in.
+    pub space: usize,
+    pub report: &'a mut Report,
+    pub code: Code,
+    pub uses: Uses,
+    /// Unknown variables are not reported, because a definition that may declare them is unknown itself.
+    pub lenient: bool,
+    /// Names already reported as unknown; `None` is a variable.
+    pub unknown: BTreeSet<(Option<Kind>, &'a str)>,
+    scopes: Vec<FxHashMap<&'a str, Variable>>,
+    frames: Vec<Frame>,
+    /// Scalars of all types kept in the code, against types that double with each line.
+    scalars: u64,
+    errors_before: u64,
+}
+
+impl<'a> Body<'a> {
+    /// A body with one scope open, which holds nothing yet.
+    pub fn new(world: &'a World<'a>, tree: &'a Tree, space: usize, report: &'a mut Report) -> Self {
+        let errors_before = report.errors;
+        Self {
+            world,
+            tree,
+            space,
+            report,
+            code: Code::default(),
+            uses: Uses::default(),
+            lenient: false,
+            unknown: BTreeSet::new(),
+            scopes: vec![FxHashMap::default()],
+            frames: Vec::new(),
+            scalars: 0,
+            errors_before,
+        }
+    }
+
+    /// Finds out what is live and ends the body.
+    pub fn finish(mut self) -> (Code, Uses) {
+        if self.report.errors == self.errors_before {
+            for warning in liveness::mark(&mut self.code, &self.world.program) {
+                self.report.push(warning);
+            }
+        }
+        (self.code, self.uses)
+    }
+
+    pub fn emit(&mut self, instruction: Instruction, span: Span) {
+        self.code.instructions.push((instruction, span));
+    }
+
+    pub fn error(&mut self, diagnostic: Diagnostic) {
+        self.report.push(diagnostic);
+    }
+
+    /// Counts a type that the code keeps.
+    pub fn keep(&mut self, ty: &Type, span: Span) {
+        let limit = self.world.limits.graph_nodes;
+        let before = self.scalars;
+        self.scalars = self.scalars.saturating_add(u64::from(ty.len()));
+        if before <= limit && self.scalars > limit {
+            self.error(
+                Diagnostic::new(Error::E1007, span, format!("the variables of this body hold more than {limit} scalars"))
+                    .note(format!("the limit `graph_nodes` is {limit}"))
+                    .help("split the body, or raise the limit `graph_nodes`"),
+            );
+        }
+    }
+
+    /// A new slot; no name means it yet.
+    pub fn slot(&mut self, name: &str, ty: Type, span: Span) -> Slot {
+        self.keep(&ty, span);
+        let slot = Slot(u32::try_from(self.code.slots.len()).unwrap_or(u32::MAX));
+        // Once the limit is passed the program is refused; its types need not be kept any more.
+        let ty = if self.scalars > self.world.limits.graph_nodes { Type::Error } else { ty };
+        self.code.slots.push(Local { name: name.to_owned(), ty });
+        slot
+    }
+
+    /// The type of a slot.
+    pub fn slot_type(&self, slot: Slot) -> Type {
+        self.code.slots.get(slot.0 as usize).map_or(Type::Error, |s| s.ty.clone())
+    }
+
+    /// Makes a name mean a slot in the current scope; E0302 if the scope has the name already.
+    pub fn define(&mut self, name: &'a str, span: Span, slot: Slot, value: Option<ExprId>) {
+        let variable = Variable { slot, span, value, copied: false };
+        let Some(scope) = self.scopes.last_mut() else { return };
+        let before = scope.get(name).copied();
+        scope.insert(name, variable);
+        if let Some(before) = before
+            && !before.copied
+        {
+            self.error(
+                Diagnostic::new(Error::E0302, span, format!("`{name}` is defined twice in this scope"))
+                    .here("defined again here")
+                    .label(before.span, "first defined here")
+                    .help(format!("assign with `{name} = …;`, or choose another name")),
+            );
+        }
+    }
+
+    /// A parameter: a slot with a name.
+    pub fn parameter(&mut self, name: &'a str, span: Span, ty: Type) {
+        let slot = self.slot(name, ty, span);
+        self.define(name, span, slot, None);
+    }
+
+    /// The variable that a name means, with the index of its scope.
+    pub fn variable(&self, name: &str) -> Option<(usize, Variable)> {
+        self.scopes.iter().enumerate().rev().find_map(|(i, s)| s.get(name).map(|v| (i, *v)))
+    }
+
+    /// All variables in reach, for suggestions.
+    pub fn variables(&self) -> Vec<&'a str> {
+        let mut names: Vec<&str> = self.scopes.iter().flat_map(|s| s.keys().copied()).collect();
+        names.sort_unstable();
+        names
+    }
+
+    pub fn open_scope(&mut self) {
+        self.scopes.push(FxHashMap::default());
+    }
+
+    pub fn close_scope(&mut self) {
+        self.scopes.pop();
+    }
+
+    pub fn open_frame(&mut self, kind: FrameKind) {
+        let start = u32::try_from(self.code.slots.len()).unwrap_or(u32::MAX);
+        self.frames.push(Frame { kind, start, scope: self.scopes.len(), writes: BTreeSet::new() });
+    }
+
+    /// Ends a construct: the outer slots written in it. Unless its writes end with it, they count for the construct
+    /// around it as well.
+    pub fn close_frame(&mut self) -> Vec<Slot> {
+        let Some(frame) = self.frames.pop() else { return Vec::new() };
+        if matches!(frame.kind, FrameKind::Through | FrameKind::Only(_))
+            && let Some(outer) = self.frames.last_mut()
+        {
+            let start = outer.start;
+            outer.writes.extend(frame.writes.iter().filter(|s| s.0 < start));
+        }
+        frame.writes.into_iter().collect()
+    }
+
+    /// Notes that a slot is written here.
+    pub fn written(&mut self, slot: Slot) {
+        if let Some(frame) = self.frames.last_mut()
+            && slot.0 < frame.start
+        {
+            frame.writes.insert(slot);
+        }
+    }
+
+    /// Whether a branch or loop stands between the scope and here, so that a variable of that scope must keep its
+    /// type.
+    pub fn is_conditional(&self, scope: usize) -> bool {
+        self.frames.iter().any(|f| f.kind != FrameKind::Block && f.scope > scope)
+    }
+
+    /// The variable of the innermost [24] loop expression, if one stands between the scope and here.
+    pub fn only(&self, scope: usize) -> Option<Slot> {
+        self.frames.iter().rev().find_map(|f| match f.kind {
+            FrameKind::Only(slot) if f.scope > scope => Some(slot),
+            _ => None,
+        })
+    }
+
+    /// Makes a name mean a new slot from here on: in its scope, or, in a value block, until that block ends.
+    pub fn rebind(&mut self, name: &'a str, scope: usize, variable: Variable) {
+        let inside = self.frames.last().filter(|f| f.kind == FrameKind::Block && f.scope > scope).map(|f| f.scope);
+        let variable = Variable { copied: variable.copied || inside.is_some(), ..variable };
+        if let Some(scope) = self.scopes.get_mut(inside.unwrap_or(scope)) {
+            scope.insert(name, variable);
+        }
+    }
+
+    pub fn text(&self, span: Span) -> &'a str {
+        self.world.files.text(span)
+    }
+
+    pub fn expr_span(&self, id: ExprId) -> Span {
+        tree::expr(self.tree, id).span
+    }
+
+    pub fn block_span(&self, id: BlockId) -> Span {
+        tree::block(self.tree, id).span
+    }
+}

@@ -1,0 +1,86 @@
+//! What a request compiles to: bytes and a manifest that says how to call them.
+
+use isograd_syntax::Diagnostic;
+use serde::{Deserialize, Serialize};
+
+use crate::Rate;
+
+/// A compiled request.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Artefact {
+    /// The module, with the manifest in its custom section `isograd.manifest`.
+    pub bytes: Vec<u8>,
+    /// How to call it.
+    pub manifest: Manifest,
+    /// What elaboration warns of.
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// How to call a module. The module exports `memory` and `eval(count: i32)`; a host writes each input's columns at
+/// their offsets, calls `eval` with 1 to `block` points, and reads the outputs' columns. A column of a varying input
+/// or an output has one element per point; a uniform input has one element. Reals are little-endian f32 or f64 by
+/// `precision`; ints and bools are i32, bools 0 or 1. The host fills a varying column up to the next multiple of
+/// `pad` points with copies of the last one. NaN outputs have all bits set.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// The version of the compiler.
+    pub compiler: String,
+    /// BLAKE3 of the canonical request, hexadecimal.
+    pub id: String,
+    /// The export.
+    pub export: String,
+    /// `f32` or `f64`.
+    pub precision: String,
+    /// Inputs in the order of the export's parameters.
+    pub inputs: Vec<Port>,
+    /// Outputs in the order of the queries.
+    pub outputs: Vec<Port>,
+    /// Most points per call.
+    pub block: u32,
+    /// Points per iteration.
+    pub pad: u32,
+    /// Bytes of the module's memory.
+    pub memory: u32,
+    /// Operations of the graph, a measure of cost.
+    pub operations: u32,
+    /// Whether a loop of the module may run longer than 10,000 iterations per point: a host should bound its time.
+    pub unbounded: bool,
+}
+
+/// An input or output of several columns.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Port {
+    /// A parameter's name, or a query as written: `gradient(at)`.
+    pub name: String,
+    /// Its type: `vec3`.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// For inputs: how often it changes; outputs vary.
+    pub rate: Rate,
+    /// Its scalars in order (LANGUAGE 9.2).
+    pub columns: Vec<Column>,
+}
+
+/// One scalar of a port.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Column {
+    /// Its name: `at.x`; of a gradient the parameter scalar, of a Hessian two of them, `at.x/at.y`; before them the
+    /// result scalar, `value.x/at.y`, if the result has several.
+    pub name: String,
+    /// What it holds.
+    pub scalar: ColumnType,
+    /// Where it begins in the module's memory, a multiple of 16.
+    pub offset: u32,
+}
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ColumnType {
+    /// Reals of the module's precision.
+    Real,
+    /// i32
+    Int,
+    /// i32, 0 or 1
+    Bool,
+}

@@ -1,0 +1,328 @@
+//! The pipeline: the one place that lists the steps of a compilation. Each step is a function of another crate; what
+//! stands here is their order, and what becomes of their errors.
+
+use isograd_elaborate::{Elaborated, elaborate};
+use isograd_graph::{Exhausted, Graph, Node, Verified, Watch, verify};
+use isograd_program::{Loaded, Loader, Program, Type};
+use isograd_syntax::{Code, Diagnostic, Files, Limits};
+use isograd_transform::{DifferentiateError, derive, differentiate, fold, kernels, optimise, schedule};
+use isograd_wasm::EmitError;
+
+use crate::seal::{self, Identity};
+use crate::wanted::Wanting;
+use crate::{Artefact, Request, WithStd};
+
+/// The steps of a compilation, in order. `--emit` and `--timings` name them.
+pub const STEPS: &[&str] = &[
+    "load",          // files are read and parsed, from import to import
+    "check",         // names and types: trees become a typed program
+    "elaborate",     // csg trees, calls and vectors dissolve: the program becomes a graph
+    "derive",        // the queries become `diff` nodes
+    "differentiate", // `diff` nodes become tangents
+    "fold",          // constants are computed in f64 and rounded once
+    "kernels",       // transcendental functions become fragments of exact operations
+    "optimise",      // rewrites that preserve bits
+    "schedule",      // order of emission
+    "emit",          // instructions
+    "seal",          // manifest and id
+];
+
+/// What a host sets for all its compilations.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// Limits of LANGUAGE 18.
+    pub limits: Limits,
+    /// Run the graph verifier after each transform, not only before emission.
+    pub verify: bool,
+}
+
+/// A checked program.
+#[derive(Debug, Clone)]
+pub struct Checked {
+    /// All files, for rendering diagnostics.
+    pub files: Files,
+    /// Errors and warnings, in source order.
+    pub diagnostics: Vec<Diagnostic>,
+    /// The typed program; `None` if there are errors.
+    pub program: Option<Program>,
+    /// BLAKE3 of all files with their names, hexadecimal: the program's id.
+    pub digest: String,
+    trees: String,
+}
+
+/// An export as shown to users.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Export {
+    /// Its name.
+    pub name: String,
+    /// Its parameters.
+    pub parameters: Vec<Parameter>,
+    /// Its result.
+    pub result: Type,
+    /// Its documentation.
+    pub doc: Option<String>,
+}
+
+/// A parameter of an export. Its flattened scalars are `ty.columns(&name)`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// Its type.
+    pub ty: Type,
+}
+
+impl Checked {
+    /// Whether it compiled without errors.
+    #[must_use]
+    pub const fn is_ok(&self) -> bool {
+        self.program.is_some()
+    }
+
+    /// The exports in source order; none if there are errors.
+    #[must_use]
+    pub fn exports(&self) -> Vec<Export> {
+        let Some(program) = &self.program else { return Vec::new() };
+        program
+            .exports
+            .iter()
+            .filter_map(|id| program.functions.get(id.0 as usize))
+            .map(|f| Export {
+                name: f.name.clone(),
+                parameters: f.params.iter().map(|p| Parameter { name: p.name.clone(), ty: p.ty.clone() }).collect(),
+                result: f.result.clone(),
+                doc: f.doc.clone(),
+            })
+            .collect()
+    }
+}
+
+/// Loads and checks a program. `entry_name` is the name shown in diagnostics; `loader` finds the files it imports,
+/// and is extended by the standard library.
+#[must_use]
+pub fn check(entry_name: &str, entry: Vec<u8>, loader: &dyn Loader, options: &Options, watch: &dyn Watch) -> Checked {
+    watch.step("load");
+    let loaded = isograd_program::load(entry_name, entry, &WithStd(loader), &options.limits);
+    let digest = seal::digest(&loaded.files);
+    let trees = loaded.modules.first().map(|m| isograd_syntax::print(&m.tree)).unwrap_or_default();
+    // Without all items, the checker would report names that only seem unknown.
+    if loaded.diagnostics.iter().any(Diagnostic::is_error) {
+        let Loaded { files, diagnostics, .. } = loaded;
+        return Checked { files, diagnostics, program: None, digest, trees };
+    }
+    watch.step("check");
+    let checked = isograd_program::check(&loaded, &options.limits);
+    let mut diagnostics = loaded.diagnostics;
+    diagnostics.extend(checked.diagnostics);
+    let ok = !diagnostics.iter().any(Diagnostic::is_error);
+    Checked { files: loaded.files, diagnostics, program: ok.then_some(checked.program), digest, trees }
+}
+
+/// What a step leaves, shown to an observer.
+enum Stage<'a> {
+    Graph(&'a Graph),
+    Module(&'a [u8]),
+}
+
+/// Compiles one request.
+///
+/// # Errors
+/// Diagnostics: of the program (specialisation, limits) or of the request (unknown export, parameter or query).
+pub fn compile(
+    checked: &Checked,
+    request: &Request,
+    options: &Options,
+    watch: &dyn Watch,
+) -> Result<Artefact, Vec<Diagnostic>> {
+    run(checked, request, options, watch, &mut |_, _| {})
+}
+
+/// The text form of what a step leaves: one of [`STEPS`] from `check` on, or `parse`.
+///
+/// # Errors
+/// As [`compile`], or if there is no such step.
+pub fn print_step(
+    checked: &Checked,
+    request: &Request,
+    step: &str,
+    options: &Options,
+    watch: &dyn Watch,
+) -> Result<String, Vec<Diagnostic>> {
+    match (step, &checked.program) {
+        ("load" | "parse", _) => return Ok(checked.trees.clone()),
+        ("check", Some(program)) => return Ok(isograd_program::print(program)),
+        _ if STEPS.contains(&step) => {}
+        _ => {
+            let message = format!("there is no step `{step}`");
+            return Err(vec![Diagnostic::global(Code::E1102, message).help(format!("steps: {}", STEPS.join(", ")))]);
+        }
+    }
+    let mut text = None;
+    run(checked, request, options, watch, &mut |name, stage| {
+        if name == step {
+            text = Some(match stage {
+                Stage::Graph(graph) => isograd_graph::print(graph),
+                Stage::Module(bytes) => wasmprinter::print_bytes(bytes).unwrap_or_else(|e| format!(";; {e}\n")),
+            });
+        }
+    })?;
+    text.ok_or_else(|| vec![Diagnostic::global(Code::E1102, format!("the step `{step}` leaves nothing to print"))])
+}
+
+fn run(
+    checked: &Checked,
+    request: &Request,
+    options: &Options,
+    watch: &dyn Watch,
+    observe: &mut dyn FnMut(&'static str, Stage<'_>),
+) -> Result<Artefact, Vec<Diagnostic>> {
+    let Some(program) = &checked.program else { return Err(checked.diagnostics.clone()) };
+    let limits = &options.limits;
+    let nodes = usize::try_from(limits.derived_nodes).unwrap_or(usize::MAX);
+    let wanting = Wanting::of(program, request, limits).map_err(|d| vec![*d])?;
+
+    watch.step("elaborate");
+    let Elaborated { graph, origins, warnings } = elaborate(program, wanting.export, limits, watch)?;
+    let steps = Steps { options, origins: &origins, export: &request.export };
+    let graph = steps.checked("elaborate", graph, observe)?;
+
+    watch.step("derive");
+    let graph = derive(&graph, &wanting.scalars, nodes, watch).map_err(|e| steps.exhausted(e))?;
+    let graph = steps.checked("derive", graph, observe)?;
+
+    watch.step("differentiate");
+    let graph = differentiate(graph, limits.diff_order, nodes, watch).map_err(|e| steps.underivable(e))?;
+    let graph = steps.checked("differentiate", graph, observe)?;
+
+    let precision = request.precision;
+    watch.step("fold");
+    let graph = fold(&graph, precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
+    let graph = steps.checked("fold", graph, observe)?;
+
+    watch.step("kernels");
+    let graph = kernels(&graph, precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
+    let graph = steps.checked("kernels", graph, observe)?;
+
+    watch.step("optimise");
+    let graph = optimise(&graph, precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
+    let graph = steps.checked("optimise", graph, observe)?;
+
+    watch.step("schedule");
+    let graph = schedule(&graph, precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
+    let graph = steps.checked("schedule", graph, observe)?;
+
+    watch.step("emit");
+    let verified = verify(graph).map_err(|e| vec![internal(&e.to_string())])?;
+    let options = isograd_wasm::Options { precision, varying: wanting.varying.clone() };
+    let plan = isograd_wasm::plan(&verified, &options).map_err(|e| vec![unemittable(&e)])?;
+
+    watch.step("seal");
+    let identity = Identity::of(&checked.digest, request);
+    let manifest = seal::manifest(&identity, request, &wanting, &plan.layout, &verified);
+    let custom = serde_json::to_vec(&manifest).unwrap_or_default();
+    let bytes = isograd_wasm::emit(&verified, &plan, &custom).map_err(|e| vec![unemittable(&e)])?;
+    observe("emit", Stage::Module(&bytes));
+    observe("seal", Stage::Module(&bytes));
+    Ok(Artefact { bytes, manifest, warnings })
+}
+
+/// What the steps of one compilation have in common.
+struct Steps<'a> {
+    options: &'a Options,
+    origins: &'a [isograd_syntax::Span],
+    export: &'a str,
+}
+
+impl Steps<'_> {
+    /// Shows a step's graph and, if the host wants it, verifies it.
+    fn checked(
+        &self,
+        step: &'static str,
+        graph: Graph,
+        observe: &mut dyn FnMut(&'static str, Stage<'_>),
+    ) -> Result<Graph, Vec<Diagnostic>> {
+        observe(step, Stage::Graph(&graph));
+        if !self.options.verify {
+            return Ok(graph);
+        }
+        verify(graph).map(Verified::into_inner).map_err(|e| vec![internal(&format!("after `{step}`: {e}"))])
+    }
+
+    fn exhausted(&self, why: Exhausted) -> Vec<Diagnostic> {
+        let limits = &self.options.limits;
+        let export = self.export;
+        vec![match why {
+            Exhausted::Nodes(n) => {
+                Diagnostic::global(Code::E1008, format!("the derivatives of `{export}` have more than {n} nodes"))
+                    .help("ask for fewer derivatives at once, or raise the limit `derived_nodes`")
+            }
+            Exhausted::Time => {
+                let limit = limits.compile_time_ms;
+                Diagnostic::global(Code::E1011, format!("compiling `{export}` took longer than {limit} ms"))
+                    .help("simplify the program, or raise the limit `compile_time_ms`")
+            }
+        }]
+    }
+
+    fn underivable(&self, why: DifferentiateError) -> Vec<Diagnostic> {
+        let (origin, code, message, help) = match why {
+            DifferentiateError::Exhausted(why) => return self.exhausted(why),
+            DifferentiateError::Growing(origin) => (
+                origin,
+                Code::E0705,
+                "this `diff` depends, through a variable that the loop carries, on its own result".to_owned(),
+                "its order would grow with the trip count: differentiate after the loop, or by a value of the iteration",
+            ),
+            DifferentiateError::Order(origin) => (
+                origin,
+                Code::E1009,
+                format!("derivatives nest more than {} deep here", self.options.limits.diff_order),
+                "lower the order, or raise the limit `diff_order`",
+            ),
+        };
+        let diagnostic = match self.origins.get(origin.0 as usize) {
+            Some(span) => Diagnostic::new(code, *span, message),
+            None => Diagnostic::global(code, message),
+        };
+        vec![diagnostic.help(help)]
+    }
+}
+
+/// A bug of the compiler, said as one.
+fn internal(what: &str) -> Diagnostic {
+    Diagnostic::global(Code::E1103, format!("the compiler made a malformed graph: {what}"))
+        .help("this is a bug of Isograd: please report it with the program")
+}
+
+fn unemittable(why: &EmitError) -> Diagnostic {
+    Diagnostic::global(Code::E1103, format!("the module cannot be emitted: {why}"))
+}
+
+/// Whether a loop of the graph may run longer than `trips` iterations, or so long as its inputs say.
+pub(crate) fn may_exceed(graph: &Graph, trips: i64) -> bool {
+    let int = |id| match graph.get(id) {
+        Some(Node::Int(x)) => Some(i64::from(x)),
+        _ => None,
+    };
+    // Nested loops multiply.
+    let mut open: Vec<i64> = Vec::new();
+    for (_, node) in graph.iter() {
+        match node {
+            Node::Theta { lo, hi, .. } => {
+                let (Some(lo), Some(hi)) = (int(lo), int(hi)) else { return true };
+                let outer = open.last().copied().unwrap_or(1);
+                let all = outer.saturating_mul((hi - lo).max(1));
+                if all > trips {
+                    return true;
+                }
+                open.push(all);
+            }
+            Node::Gamma { .. } => open.push(open.last().copied().unwrap_or(1)),
+            Node::End { .. } => {
+                open.pop();
+            }
+            _ => {}
+        }
+    }
+    false
+}

@@ -1,0 +1,106 @@
+//! The last step: the artefact's id and manifest.
+
+use isograd_graph::{Graph, Scalar};
+use isograd_syntax::Files;
+use isograd_wasm::Layout;
+use serde::Serialize;
+
+use crate::pipeline::may_exceed;
+use crate::wanted::Wanting;
+use crate::{Column, ColumnType, Manifest, Port, Rate, Request, Target};
+
+/// Iterations per point up to which a module needs no bound on its time (DESIGN 9).
+const BRIEF: i64 = 10_000;
+
+/// The canonical form of a request: everything that can change a byte of the artefact. Its id is the BLAKE3 of its
+/// JSON, whose fields stand in the order declared here.
+#[derive(Debug, Clone, Serialize)]
+pub struct Identity {
+    compiler: &'static str,
+    program: String,
+    export: String,
+    queries: Vec<String>,
+    precision: &'static str,
+    rates: Vec<(String, Rate)>,
+    target: Target,
+}
+
+impl Identity {
+    /// The identity of a request for the program with this digest.
+    pub fn of(program: &str, request: &Request) -> Self {
+        Self {
+            compiler: env!("CARGO_PKG_VERSION"),
+            program: program.to_owned(),
+            export: request.export.clone(),
+            queries: request.queries.iter().map(ToString::to_string).collect(),
+            precision: request.precision.name(),
+            rates: request.rates.iter().map(|(name, rate)| (name.clone(), *rate)).collect(),
+            target: request.target,
+        }
+    }
+
+    /// The id.
+    pub fn id(&self) -> String {
+        blake3::hash(&serde_json::to_vec(self).unwrap_or_default()).to_hex().to_string()
+    }
+}
+
+/// BLAKE3 of all files of a program, library files included, with their names.
+pub fn digest(files: &Files) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (_, file) in files.iter() {
+        for part in [&file.name, &file.text] {
+            hasher.update(&(part.len() as u64).to_le_bytes());
+            hasher.update(part.as_bytes());
+        }
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// The manifest of a module.
+pub fn manifest(identity: &Identity, request: &Request, wanting: &Wanting, layout: &Layout, graph: &Graph) -> Manifest {
+    let mut slots = layout.inputs.iter();
+    let inputs = wanting
+        .parameters
+        .iter()
+        .map(|(name, ty, rate)| Port {
+            name: name.clone(),
+            ty: ty.to_string(),
+            rate: *rate,
+            columns: ty.columns(name).into_iter().zip(slots.by_ref()).map(column).collect(),
+        })
+        .collect();
+    let mut slots = layout.outputs.iter();
+    let outputs = wanting
+        .queries
+        .iter()
+        .map(|query| Port {
+            name: query.name.clone(),
+            ty: query.ty.clone(),
+            rate: Rate::Varying,
+            columns: query.columns.iter().cloned().zip(slots.by_ref()).map(column).collect(),
+        })
+        .collect();
+    Manifest {
+        compiler: identity.compiler.to_owned(),
+        id: identity.id(),
+        export: request.export.clone(),
+        precision: request.precision.name().to_owned(),
+        inputs,
+        outputs,
+        block: layout.block,
+        pad: layout.pad,
+        memory: layout.memory,
+        operations: u32::try_from(graph.operations()).unwrap_or(u32::MAX),
+        unbounded: may_exceed(graph, BRIEF),
+    }
+}
+
+fn column((name, slot): (String, &isograd_wasm::Slot)) -> Column {
+    let scalar = match slot.scalar {
+        Scalar::Real => ColumnType::Real,
+        Scalar::Int => ColumnType::Int,
+        Scalar::Bool => ColumnType::Bool,
+    };
+    Column { name, scalar, offset: slot.offset }
+}

@@ -1,0 +1,51 @@
+//! Three steps that rebuild a graph: constants (`fold`), transcendental functions (`kernels`), algebra (`optimise`).
+
+use isograd_graph::ops::Lowering;
+use isograd_graph::{Exhausted, Graph, Mode, Node, Precision, Watch};
+
+use crate::copy::copy;
+
+/// Computes what is constant in f64 and rounds it where it meets a value that is not (LANGUAGE 17.3). This is
+/// meaning, not optimisation: it always runs, once, after the derivatives are expanded.
+///
+/// # Errors
+/// If the budget is spent.
+pub fn fold(graph: &Graph, precision: Precision, max_nodes: usize, watch: &dyn Watch) -> Result<Graph, Exhausted> {
+    copy(graph, Mode::Exact(precision), max_nodes, watch, |b, op, args| b.op(op, args))
+}
+
+/// Puts the fragments of operations that targets have no instructions for in their place, until none is left.
+///
+/// # Errors
+/// If the budget is spent.
+pub fn kernels(graph: &Graph, precision: Precision, max_nodes: usize, watch: &dyn Watch) -> Result<Graph, Exhausted> {
+    let pass = |graph: &Graph| {
+        copy(graph, Mode::Real(precision), max_nodes, watch, |b, op, args| match op.def().lowering {
+            // Constant operands fold through the same fragment.
+            Lowering::Fragment(fragment) if args.iter().any(|x| b.value(*x).is_none()) => fragment(b, args, precision),
+            _ => b.op(op, args),
+        })
+    };
+    let mut graph = pass(graph)?;
+    while graph
+        .iter()
+        .any(|(_, n)| matches!(n, Node::Apply(op, _) if matches!(op.def().lowering, Lowering::Fragment(_))))
+    {
+        graph = pass(&graph)?;
+    }
+    Ok(graph)
+}
+
+/// Applies the rewrites that preserve bits and drops what no output needs, until the graph stops shrinking.
+///
+/// # Errors
+/// If the budget is spent.
+pub fn optimise(graph: &Graph, precision: Precision, max_nodes: usize, watch: &dyn Watch) -> Result<Graph, Exhausted> {
+    let mut size = graph.len();
+    let mut graph = copy(graph, Mode::Real(precision), max_nodes, watch, |b, op, args| b.op(op, args))?;
+    while graph.len() < size {
+        size = graph.len();
+        graph = copy(&graph, Mode::Real(precision), max_nodes, watch, |b, op, args| b.op(op, args))?;
+    }
+    Ok(graph)
+}

@@ -1,0 +1,309 @@
+//! The body of `eval`: values node by node, and the loop over the points. How branches and loops of the graph run in
+//! lanes is in `regions`; where columns lie, in `layout`; in which order, in `lives`.
+
+use isograd_graph::{Args, Graph, Node, NodeId, Op, Precision, Scalar};
+use wasm_encoder::{BlockType, ValType};
+
+use crate::code::{AT, AT_NARROW, COUNT, Code, Locals, at};
+use crate::lives::{Lives, is_late, storage};
+use crate::rates::{PerNode, Rates, owner};
+use crate::regions::Frame;
+use crate::{EmitError, Layout, Slot, lanes};
+
+/// Bytes of a vector.
+const VECTOR: u32 = 16;
+
+/// Writes one function.
+pub struct Emitter<'p> {
+    pub graph: &'p Graph,
+    pub rates: &'p Rates,
+    pub lives: &'p Lives,
+    pub layout: &'p Layout,
+    pub vectors: u32,
+    pub code: Code,
+    pub locals: Locals,
+    /// The local of each value that has one; of a varying value the first of its group.
+    slots: PerNode<u32>,
+    /// The open branches and loops.
+    pub frames: Vec<Frame>,
+    /// A group that says which lanes need what is computed; `None`: all.
+    pub mask: Option<u32>,
+}
+
+/// The body of `eval`.
+pub fn body(graph: &Graph, rates: &Rates, lives: &Lives, layout: &Layout, vectors: u32) -> Result<Vec<u8>, EmitError> {
+    let mut emitter = Emitter {
+        graph,
+        rates,
+        lives,
+        layout,
+        vectors,
+        code: Code::default(),
+        locals: Locals::new(vectors, depth(graph, lives)),
+        slots: PerNode::new(graph, 0),
+        frames: Vec::new(),
+        mask: None,
+    };
+    emitter.run()?;
+    let (scalars, vectors) = emitter.locals.counts();
+    if scalars + vectors > 49_000 {
+        return Err(EmitError::Locals { count: scalars + vectors });
+    }
+    Ok(emitter.code.finish(&[(scalars, ValType::I32), (vectors, ValType::V128)]))
+}
+
+/// How deep loops nest.
+fn depth(graph: &Graph, lives: &Lives) -> u32 {
+    let (mut depth, mut deepest) = (0_u32, 0);
+    for id in &lives.items {
+        match graph[*id] {
+            Node::Theta { .. } => {
+                depth += 1;
+                deepest = deepest.max(depth);
+            }
+            Node::End { begin } if matches!(graph[begin], Node::Theta { .. }) => depth -= 1,
+            _ => {}
+        }
+    }
+    deepest
+}
+
+impl Emitter<'_> {
+    fn run(&mut self) -> Result<(), EmitError> {
+        let precision = self.layout.precision;
+        let block = self.layout.block.cast_signed();
+        // count − 1 ≥ block, unsigned, also holds for a count of 0.
+        self.code.sink().local_get(COUNT).i32_const(1).i32_sub().i32_const(block).i32_ge_u();
+        self.code.sink().if_(BlockType::Empty).return_().end();
+        for position in 0..self.lives.start {
+            self.item(position)?;
+        }
+
+        let bytes = precision.bytes().cast_signed();
+        self.code.sink().local_get(COUNT).i32_const(bytes).i32_mul().local_set(COUNT);
+        self.code.sink().loop_(BlockType::Empty);
+        for position in self.lives.start..self.lives.items.len() {
+            self.item(position)?;
+        }
+        for (slot, output) in self.layout.outputs.iter().zip(&self.graph.outputs) {
+            for vector in 0..self.vectors {
+                self.store(*slot, output.node, vector);
+            }
+        }
+        if self.has_narrow_columns() {
+            let step = (self.layout.pad * 4).cast_signed();
+            self.code.sink().local_get(AT_NARROW).i32_const(step).i32_add().local_set(AT_NARROW);
+        }
+        let step = (self.layout.pad * precision.bytes()).cast_signed();
+        self.code.sink().local_get(AT).i32_const(step).i32_add().local_tee(AT);
+        self.code.sink().local_get(COUNT).i32_lt_u().br_if(0).end();
+        Ok(())
+    }
+
+    /// Whether a column needs a pointer of its own.
+    fn has_narrow_columns(&self) -> bool {
+        let mut slots = self.layout.inputs.iter().chain(&self.layout.outputs);
+        self.layout.precision == Precision::F64 && slots.any(|slot| slot.varying && slot.scalar != Scalar::Real)
+    }
+
+    fn item(&mut self, position: usize) -> Result<(), EmitError> {
+        let Some(id) = self.lives.items.get(position).copied() else { return Ok(()) };
+        let next = self.lives.items.get(position + 1).copied();
+        match self.graph[id] {
+            Node::Input(index) => self.input(id, index),
+            Node::Apply(op, args) => self.apply(position, id, op, args)?,
+            Node::Gamma { cond, otherwise, .. } => {
+                self.gamma(cond, next == Some(otherwise));
+                self.free(position);
+            }
+            Node::Else { gamma } => {
+                if let Node::Gamma { cond, end, .. } = self.graph[gamma] {
+                    self.otherwise(position, cond, end, next == Some(end));
+                }
+            }
+            Node::Theta { lo, hi, .. } => self.theta(position, id, lo, hi),
+            Node::End { begin } => {
+                match self.graph[begin] {
+                    Node::Gamma { cond, .. } => self.end_gamma(id, cond),
+                    Node::Theta { hi, .. } => self.end_theta(begin, hi),
+                    _ => {}
+                }
+                self.free(position);
+            }
+            Node::Counter { .. } => self.counter(id),
+            Node::Join { end, then, otherwise } => {
+                self.late_join(id, end, then, otherwise);
+                self.free(position);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Takes back the locals of what has been read for the last time here.
+    pub fn free(&mut self, position: usize) {
+        for id in self.lives.dying(position) {
+            self.locals.give(self.slots[*id], !self.rates.uniform[*id]);
+        }
+    }
+
+    /// Gives a value its local.
+    pub fn allot(&mut self, id: NodeId) -> u32 {
+        let local = self.locals.take(!self.rates.uniform[id]);
+        self.slots[id] = local;
+        local
+    }
+
+    /// How many vectors a value has.
+    pub fn width(&self, id: NodeId) -> u32 {
+        if self.rates.uniform[id] { 1 } else { self.vectors }
+    }
+
+    /// The local of a value.
+    pub fn local(&self, id: NodeId, vector: u32) -> u32 {
+        let id = storage(self.graph, id);
+        self.slots[id] + if self.rates.uniform[id] { 0 } else { vector }
+    }
+
+    /// Pushes a value.
+    pub fn push(&mut self, id: NodeId, vector: u32) {
+        match self.graph[id] {
+            Node::Real(bits) => self.real(f64::from_bits(bits)),
+            Node::Int(x) => self.code.write(|bytes| lanes::splat32(x.cast_unsigned(), bytes)),
+            Node::Bool(x) => self.code.write(|bytes| lanes::splat32(if x { u32::MAX } else { 0 }, bytes)),
+            _ => {
+                let local = self.local(id, vector);
+                self.code.get(local);
+            }
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "constants of an f32 graph are f32 numbers")]
+    fn real(&mut self, x: f64) {
+        match self.layout.precision {
+            Precision::F32 => self.code.write(|bytes| lanes::splat32((x as f32).to_bits(), bytes)),
+            Precision::F64 => self.code.write(|bytes| lanes::splat64(x.to_bits(), bytes)),
+        }
+    }
+
+    /// Pushes a uniform int or bool as an i32.
+    pub fn push_scalar(&mut self, id: NodeId) {
+        match self.graph[id] {
+            Node::Int(x) => _ = self.code.sink().i32_const(x),
+            Node::Bool(x) => _ = self.code.sink().i32_const(i32::from(x)),
+            _ => {
+                self.push(id, 0);
+                self.code.sink().i32x4_extract_lane(0);
+            }
+        }
+    }
+
+    /// Narrows the mask on the stack to the width of a kind: in f64 modules, ints are half as wide as masks.
+    pub fn narrow(&mut self, scalar: Scalar) {
+        if scalar == Scalar::Int && self.layout.precision == Precision::F64 {
+            self.code.write(lanes::low32);
+        }
+    }
+
+    fn apply(&mut self, position: usize, id: NodeId, op: Op, args: Args) -> Result<(), EmitError> {
+        let program = lanes::program(op, self.layout.precision).ok_or(EmitError::NoLanes(op))?;
+        self.free(position);
+        let local = self.allot(id);
+        for vector in 0..self.width(id) {
+            for step in &program.steps {
+                match step {
+                    lanes::Step::Operand(index) => {
+                        let operand = args.as_slice().get(*index).copied().ok_or(EmitError::NoLanes(op))?;
+                        self.push(operand, vector);
+                    }
+                    lanes::Step::Bytes(bytes) => self.code.raw(bytes),
+                }
+            }
+            self.code.set(local + vector);
+        }
+        Ok(())
+    }
+
+    /// Loads a parameter: a uniform one into all lanes.
+    fn input(&mut self, id: NodeId, index: u32) {
+        let Some(slot) = self.layout.inputs.get(index as usize).copied() else { return };
+        let local = self.allot(id);
+        let wide = self.layout.precision == Precision::F64;
+        if !slot.varying {
+            match (slot.scalar, wide) {
+                (Scalar::Real, true) => self.code.sink().i32_const(0).v128_load64_splat(at(slot.offset, 3)),
+                _ => self.code.sink().i32_const(0).v128_load32_splat(at(slot.offset, 2)),
+            };
+            if slot.scalar == Scalar::Bool {
+                self.code.sink().v128_const(0).i32x4_ne();
+            }
+            self.code.set(local);
+            return;
+        }
+        for vector in 0..self.vectors {
+            if wide && slot.scalar != Scalar::Real {
+                self.code.get(AT_NARROW);
+                self.code.sink().v128_load64_zero(at(slot.offset + vector * VECTOR / 2, 3));
+            } else {
+                self.code.get(AT);
+                self.code.sink().v128_load(at(slot.offset + vector * VECTOR, 4));
+            }
+            if slot.scalar == Scalar::Bool {
+                self.code.sink().v128_const(0).i32x4_ne();
+                if wide {
+                    self.code.sink().i64x2_extend_low_i32x4_s();
+                }
+            }
+            self.code.set(local + vector);
+        }
+    }
+
+    /// Stores an output: NaNs with all bits set, bools as 0 or 1.
+    fn store(&mut self, slot: Slot, node: NodeId, vector: u32) {
+        let wide = self.layout.precision == Precision::F64;
+        let narrow = wide && slot.scalar != Scalar::Real;
+        self.code.get(if narrow { AT_NARROW } else { AT });
+        self.push(node, vector);
+        match slot.scalar {
+            // x | (x ≠ x): the comparison gives all bits for a NaN and none for a number.
+            Scalar::Real => {
+                self.push(node, vector);
+                self.push(node, vector);
+                let mut sink = self.code.sink();
+                _ = if wide { sink.f64x2_ne() } else { sink.f32x4_ne() };
+                self.code.sink().v128_or();
+            }
+            Scalar::Int => {}
+            Scalar::Bool => {
+                if wide {
+                    self.code.write(lanes::low32);
+                }
+                self.code.write(|bytes| lanes::splat32(1, bytes));
+                self.code.sink().v128_and();
+            }
+        }
+        if narrow {
+            self.code.sink().v128_store64_lane(at(slot.offset + vector * VECTOR / 2, 3), 0);
+        } else {
+            self.code.sink().v128_store(at(slot.offset + vector * VECTOR, 4));
+        }
+    }
+
+    /// A join with operands that were computed after the branch: selects where it stands.
+    fn late_join(&mut self, id: NodeId, end: NodeId, then: NodeId, otherwise: NodeId) {
+        let (then_late, otherwise_late) = (is_late(end, then), is_late(end, otherwise));
+        let Some(Node::Gamma { cond, .. }) = self.graph.get(owner(self.graph, end)) else { return };
+        if !then_late && !otherwise_late {
+            return;
+        }
+        for vector in 0..self.width(id) {
+            self.push(if then_late { then } else { id }, vector);
+            self.push(if otherwise_late { otherwise } else { id }, vector);
+            self.push(cond, vector);
+            self.narrow(self.graph.scalar(id));
+            self.code.sink().v128_bitselect();
+            let local = self.local(id, vector);
+            self.code.set(local);
+        }
+    }
+}

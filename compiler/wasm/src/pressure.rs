@@ -1,0 +1,72 @@
+//! How many vectors of points an iteration should compute, and the size of the work in it. Knows the measurements of
+//! `NOTES-speed`; knows nothing of how code is written.
+
+use isograd_graph::{Graph, Node, Precision};
+
+use crate::lives::Lives;
+use crate::rates::Rates;
+use crate::{EmitError, Vectors, lanes};
+
+/// Bytes of machine code that the loop over the points may have if it computes several vectors.
+const CODE: u64 = 80 << 10;
+/// Bytes of machine code of an instruction, about.
+const BYTES: u64 = 7;
+/// Iterations of a loop above which a deadline must be able to interrupt it (DESIGN 9).
+const LONG: u64 = 10_000;
+
+/// Facts about a module that a host needs before it compiles it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Facts {
+    /// Operations of the table that are emitted, each once however many vectors there are. Compiling takes about 5 µs
+    /// for each.
+    pub operations: usize,
+    /// Whether there is a loop whose trip count is not constant, or constant ones that run the innermost body more
+    /// than 10,000 times for a point.
+    pub long_loop: bool,
+}
+
+/// Four vectors if at most 20 values live at once, two up to 50, else one; less if the code would not fit in the
+/// cache.
+pub fn vectors(graph: &Graph, rates: &Rates, lives: &Lives, precision: Precision) -> Result<Vectors, EmitError> {
+    let mut instructions = 0_u64;
+    for id in lives.items.get(lives.start..).unwrap_or(&[]) {
+        if let Node::Apply(op, _) = graph[*id]
+            && !rates.uniform[*id]
+        {
+            let program = lanes::program(op, precision).ok_or(EmitError::NoLanes(op))?;
+            instructions += u64::from(program.instructions);
+        }
+    }
+    let fits = |n: u64| instructions * n * BYTES <= CODE;
+    Ok(match lives.pressure(rates) {
+        0..=20 if fits(4) => Vectors::Four,
+        0..=50 if fits(2) => Vectors::Two,
+        _ => Vectors::One,
+    })
+}
+
+/// The facts of a graph.
+pub fn facts(graph: &Graph, lives: &Lives) -> Facts {
+    let mut facts = Facts::default();
+    // How often the body of each open loop runs.
+    let mut runs = vec![1_u64];
+    for id in &lives.items {
+        match graph[*id] {
+            Node::Apply(..) => facts.operations += 1,
+            Node::Theta { lo, hi, .. } => {
+                let trips = match (graph[lo], graph[hi]) {
+                    (Node::Int(lo), Node::Int(hi)) => u64::try_from(i64::from(hi) - i64::from(lo)).unwrap_or(0),
+                    _ => u64::MAX,
+                };
+                let total = runs.last().copied().unwrap_or(1).saturating_mul(trips);
+                facts.long_loop |= total > LONG;
+                runs.push(total);
+            }
+            Node::End { begin } if matches!(graph[begin], Node::Theta { .. }) => {
+                runs.pop();
+            }
+            _ => {}
+        }
+    }
+    facts
+}

@@ -1,0 +1,242 @@
+//! Which nodes are computed at all, which are the same in every lane, and which once per call. Knows the graph;
+//! knows nothing of instructions.
+
+use std::ops::{Index, IndexMut};
+
+use isograd_graph::ops::Lowering;
+use isograd_graph::{Graph, Node, NodeId};
+use rustc_hash::FxHashMap;
+
+use crate::EmitError;
+
+/// A table with an entry for every node.
+#[derive(Debug, Clone, Default)]
+pub struct PerNode<T>(Vec<T>);
+
+impl<T: Clone> PerNode<T> {
+    /// The same entry for every node.
+    pub fn new(graph: &Graph, entry: T) -> Self {
+        Self(vec![entry; graph.len()])
+    }
+}
+
+#[expect(clippy::indexing_slicing, reason = "ids come from the graph that the table was made for")]
+impl<T> Index<NodeId> for PerNode<T> {
+    type Output = T;
+
+    fn index(&self, id: NodeId) -> &T {
+        &self.0[id.index()]
+    }
+}
+
+#[expect(clippy::indexing_slicing, reason = "ids come from the graph that the table was made for")]
+impl<T> IndexMut<NodeId> for PerNode<T> {
+    fn index_mut(&mut self, id: NodeId) -> &mut T {
+        &mut self.0[id.index()]
+    }
+}
+
+/// The facts about a graph that emission needs.
+pub struct Rates {
+    /// Whether an output depends on it.
+    pub needed: PerNode<bool>,
+    /// Whether it has the same value in every lane that computes it. A uniform node inside of a branch that lanes
+    /// take one by one is computed when any takes it.
+    pub uniform: PerNode<bool>,
+    /// Whether it is computed before the loop over the points.
+    pub early: PerNode<bool>,
+    /// The needed joins of a gamma, by its end.
+    pub joins: FxHashMap<NodeId, Vec<NodeId>>,
+    /// The needed carried variables of a theta.
+    pub carried: FxHashMap<NodeId, Vec<NodeId>>,
+    /// What an iteration gives a carried variable.
+    pub next: PerNode<NodeId>,
+}
+
+/// Whether a node is a constant: written where it is used.
+pub const fn is_constant(node: Node) -> bool {
+    matches!(node, Node::Real(_) | Node::Int(_) | Node::Bool(_))
+}
+
+/// The gamma or theta that an end closes.
+pub fn owner(graph: &Graph, end: NodeId) -> NodeId {
+    match graph.get(end) {
+        Some(Node::End { begin }) => begin,
+        _ => end,
+    }
+}
+
+impl Rates {
+    /// Computes the facts.
+    pub fn new(graph: &Graph, varying: &[bool]) -> Result<Self, EmitError> {
+        let next = check(graph)?;
+        let needed = needed(graph, &next);
+        let uniform = uniform(graph, varying, &next);
+        let early = early(graph, &needed, &uniform);
+        let mut joins: FxHashMap<_, Vec<_>> = FxHashMap::default();
+        let mut carried: FxHashMap<_, Vec<_>> = FxHashMap::default();
+        for (id, node) in graph.iter().filter(|(id, _)| needed[*id]) {
+            match node {
+                Node::Join { end, .. } => joins.entry(end).or_default().push(id),
+                Node::Carried { theta, .. } => carried.entry(theta).or_default().push(id),
+                _ => {}
+            }
+        }
+        Ok(Self { needed, uniform, early, joins, carried, next })
+    }
+}
+
+/// Refuses graphs that are not ready for emission, and finds what each carried variable becomes.
+fn check(graph: &Graph) -> Result<PerNode<NodeId>, EmitError> {
+    let mut nexts = PerNode::new(graph, NodeId::NONE);
+    for (id, node) in graph.iter() {
+        match node {
+            Node::Fresh(_) | Node::Diff { .. } => return Err(EmitError::Unexpanded(id)),
+            Node::Apply(op, _) if matches!(op.def().lowering, Lowering::Fragment(_)) => {
+                return Err(EmitError::NoLanes(op));
+            }
+            Node::Final { end, carried, next } => {
+                // After its end an iteration cannot compute anything any more.
+                if next > end && !is_constant(graph[next]) {
+                    return Err(EmitError::LateNext(id));
+                }
+                nexts[carried] = next;
+            }
+            _ => {}
+        }
+    }
+    Ok(nexts)
+}
+
+/// What the outputs depend on: a walk backwards over operands and the marks of their regions.
+fn needed(graph: &Graph, nexts: &PerNode<NodeId>) -> PerNode<bool> {
+    let mut needed = PerNode::new(graph, false);
+    let mut open: Vec<NodeId> = graph.outputs.iter().map(|output| output.node).collect();
+    while let Some(id) = open.pop() {
+        if std::mem::replace(&mut needed[id], true) {
+            continue;
+        }
+        let node = graph[id];
+        node.each_operand(|x| open.push(x));
+        match node {
+            Node::Gamma { otherwise, end, .. } => open.extend([otherwise, end]),
+            Node::Theta { end, .. } => open.push(end),
+            Node::Counter { theta } => open.push(theta),
+            Node::Carried { theta, .. } => open.extend([theta, nexts[id]]),
+            Node::End { begin } => open.push(begin),
+            Node::Join { end, .. } | Node::Final { end, .. } => open.push(end),
+            _ => {}
+        }
+    }
+    needed
+}
+
+/// Calls `f` with each node whose rate decides this node's.
+fn rate_operands(graph: &Graph, id: NodeId, node: Node, nexts: &PerNode<NodeId>, mut f: impl FnMut(NodeId)) {
+    match node {
+        Node::Join { end, then, otherwise } => {
+            f(then);
+            f(otherwise);
+            if let Some(Node::Gamma { cond, .. }) = graph.get(owner(graph, end)) {
+                f(cond);
+            }
+        }
+        // All running lanes have made the same number of iterations.
+        Node::Counter { theta } => {
+            if let Some(Node::Theta { lo, .. }) = graph.get(theta) {
+                f(lo);
+            }
+        }
+        Node::Carried { theta, init } => {
+            f(init);
+            f(nexts[id]);
+            if let Some(Node::Theta { lo, hi, .. }) = graph.get(theta) {
+                f(lo);
+                f(hi);
+            }
+        }
+        Node::Final { carried, .. } => f(carried),
+        Node::Apply(..) => node.each_operand(f),
+        _ => {}
+    }
+}
+
+/// Spreads "varying" from the varying inputs to everything that depends on it. Each edge is looked at once.
+fn uniform(graph: &Graph, varying: &[bool], nexts: &PerNode<NodeId>) -> PerNode<bool> {
+    // The users of each node, one list after the other: those of node n are at starts[n]..starts[n + 1].
+    let mut starts = vec![0_usize; graph.len() + 2];
+    for (id, node) in graph.iter() {
+        rate_operands(graph, id, node, nexts, |x| {
+            if let Some(count) = starts.get_mut(x.index() + 2) {
+                *count += 1;
+            }
+        });
+    }
+    let mut sum = 0;
+    for start in &mut starts {
+        sum += *start;
+        *start = sum;
+    }
+    let mut users = vec![NodeId::NONE; sum];
+    for (id, node) in graph.iter() {
+        rate_operands(graph, id, node, nexts, |x| {
+            if let Some(place) = starts.get_mut(x.index() + 1) {
+                if let Some(user) = users.get_mut(*place) {
+                    *user = id;
+                }
+                *place += 1;
+            }
+        });
+    }
+
+    let mut uniform = PerNode::new(graph, true);
+    let inputs =
+        graph.iter().filter(|(_, node)| matches!(node, Node::Input(i) if varying.get(*i as usize) == Some(&true)));
+    let mut open: Vec<NodeId> = inputs.map(|(id, _)| id).collect();
+    while let Some(id) = open.pop() {
+        if !std::mem::replace(&mut uniform[id], false) {
+            continue;
+        }
+        let range = starts.get(id.index()).zip(starts.get(id.index() + 1));
+        if let Some((from, to)) = range {
+            open.extend_from_slice(users.get(*from..*to).unwrap_or(&[]));
+        }
+    }
+    uniform
+}
+
+/// What can be computed once, before the loop over the points: uniform nodes of the outermost region, and branches
+/// and loops there in which everything is uniform.
+fn early(graph: &Graph, needed: &PerNode<bool>, uniform: &PerNode<bool>) -> PerNode<bool> {
+    let mut early = PerNode::new(graph, false);
+    let mut nodes = graph.iter();
+    while let Some((id, node)) = nodes.next() {
+        match node {
+            Node::Gamma { end, .. } | Node::Theta { end, .. } => {
+                let inside = |early: &PerNode<bool>, node: Node| {
+                    let mut all = true;
+                    node.each_operand(|x| all &= uniform[x] && (x > id || early[x]));
+                    all
+                };
+                let mut whole = inside(&early, node);
+                while let Some((at, node)) = nodes.next() {
+                    whole &= !needed[at] || (uniform[at] && inside(&early, node));
+                    if at == end {
+                        break;
+                    }
+                }
+                let marks = (id.0..=end.0).map(NodeId);
+                marks.for_each(|at| early[at] = whole);
+            }
+            _ => {
+                let mut all = uniform[id];
+                node.each_operand(|x| all &= early[x]);
+                if let Node::Join { end, .. } | Node::Final { end, .. } = node {
+                    all &= early[end];
+                }
+                early[id] = all;
+            }
+        }
+    }
+    early
+}

@@ -1,0 +1,213 @@
+//! Runs the files of `tests/language`: programs with the results or diagnostics that LANGUAGE demands, each in both
+//! precisions, through the whole pipeline. Knows nothing of what the programs mean.
+//!
+//! A file holds cases. What stands before the first is put in front of each; `//+ FILE` includes a file there.
+//!
+//! ```text
+//! //# NAME                     begins a case; its program follows
+//! //@ EXPORT                   the next lines are about this export (at first `f`)
+//! //= 1,2 => 3                 flattened arguments, flattened result; bools are 0 and 1
+//! //= gradient(p): 1,2 => 3    the result of a query
+//! //! E0506 E0506              codes that must be among the diagnostics; W codes do not stop the program
+//! //? E1101 intervals          not supported yet: must answer with this code, until it is, when the case fails
+//! ```
+
+mod support;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::str::FromStr;
+
+use isograd_compiler::{Checked, Precision, Query};
+use isograd_graph::Value;
+use isograd_program::typed::Function;
+use libtest_mimic::{Arguments, Failed, Trial};
+use support::{Graphs, Varying};
+
+fn main() -> ExitCode {
+    let arguments = Arguments::from_args();
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/language");
+    let mut files: Vec<PathBuf> = fs::read_dir(&directory)
+        .expect("the folder of cases")
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some_and(|e| e == "cases"))
+        .collect();
+    files.sort();
+    let cases: Vec<Case> = files.iter().flat_map(|file| parse(file)).collect();
+    let rows = |c: &Case| c.checks.iter().map(|k| k.rows.len()).sum::<usize>();
+    println!(
+        "{} programs: {} with {} rows of results, {} with diagnostics, {} not supported yet",
+        cases.len(),
+        cases.iter().filter(|c| c.pending.is_none() && !c.checks.is_empty()).count(),
+        cases.iter().filter(|c| c.pending.is_none()).map(rows).sum::<usize>(),
+        cases.iter().filter(|c| !c.codes.is_empty()).count(),
+        cases.iter().filter(|c| c.pending.is_some()).count(),
+    );
+    let trials = cases.into_iter().map(|case| Trial::test(case.name.clone(), move || run(&case))).collect();
+    libtest_mimic::run(&arguments, trials).exit_code()
+}
+
+/// A program and what must become of it.
+struct Case {
+    name: String,
+    source: String,
+    checks: Vec<Check>,
+    codes: Vec<String>,
+    /// The code that says it is not supported yet.
+    pending: Option<String>,
+}
+
+/// Points of one query of one export, and its results there.
+struct Check {
+    export: String,
+    query: Query,
+    rows: Vec<(Vec<f64>, Vec<f64>)>,
+}
+
+fn parse(file: &Path) -> Vec<Case> {
+    let text = fs::read_to_string(file).expect("a readable file");
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    let mut preamble = String::new();
+    let mut cases: Vec<Case> = Vec::new();
+    let mut export = "f";
+    for line in text.lines() {
+        let fail = |what: &str| -> ! { panic!("{}: {what}: {line}", file.display()) };
+        let (directive, rest) = match line.get(..3) {
+            Some(d @ ("//#" | "//+" | "//@" | "//=" | "//!" | "//?")) => (d, line[3..].trim()),
+            _ => ("", line),
+        };
+        let Some(case) = cases.last_mut().filter(|_| directive != "//#") else {
+            match directive {
+                "//#" => {
+                    export = "f";
+                    let (checks, codes) = (Vec::new(), Vec::new());
+                    let name = format!("{stem}: {rest}");
+                    cases.push(Case { name, source: preamble.clone(), checks, codes, pending: None });
+                }
+                "//+" => {
+                    let included = file.with_file_name(rest);
+                    preamble += &fs::read_to_string(included).unwrap_or_else(|e| fail(&e.to_string()));
+                }
+                "" => preamble = preamble + line + "\n",
+                _ => fail("outside of a case"),
+            }
+            continue;
+        };
+        match directive {
+            "//@" => export = rest,
+            "//!" => case.codes.extend(rest.split_whitespace().map(str::to_owned)),
+            "//?" => case.pending = rest.split_whitespace().next().map(str::to_owned),
+            "//=" => {
+                let (query, row) = rest.split_once(": ").unwrap_or(("value", rest));
+                let query = Query::from_str(query).unwrap_or_else(|e| fail(&e.to_string()));
+                let Some((point, result)) = row.split_once("=>") else { fail("no `=>`") };
+                let row = (numbers(point), numbers(result));
+                match case.checks.last_mut() {
+                    Some(check) if check.export == export && check.query == query => check.rows.push(row),
+                    _ => case.checks.push(Check { export: export.to_owned(), query, rows: vec![row] }),
+                }
+            }
+            "//+" => fail("inside of a case"),
+            _ => case.source = std::mem::take(&mut case.source) + line + "\n",
+        }
+    }
+    for case in &cases {
+        assert!(!case.checks.is_empty() || !case.codes.is_empty(), "{} expects nothing", case.name);
+    }
+    cases
+}
+
+fn numbers(list: &str) -> Vec<f64> {
+    list.split(',').map(|x| x.trim().parse().unwrap_or_else(|e| panic!("`{x}`: {e}"))).collect()
+}
+
+fn run(case: &Case) -> Result<(), Failed> {
+    let checked = support::check(&case.source);
+    let mut found: Vec<&str> = checked.diagnostics.iter().map(|d| d.code.name()).collect();
+    // Faults of one export show when it is compiled.
+    let mut late = Vec::new();
+    for export in checked.exports() {
+        match support::compile(&checked, &export.name) {
+            Ok(warnings) | Err(warnings) => late.extend(warnings),
+        }
+    }
+    found.extend(late.iter().map(|d| d.code.name()));
+    let all = || format!("found {found:?}\n{}{}", support::listed(&checked.diagnostics), support::listed(&late));
+
+    if let Some(code) = &case.pending {
+        return if found.contains(&code.as_str()) { Ok(()) } else { Err(format!("no {code}: {}", all()).into()) };
+    }
+    for code in &case.codes {
+        let demanded = case.codes.iter().filter(|c| *c == code).count();
+        if found.iter().filter(|c| *c == code).count() < demanded {
+            return Err(format!("expected {code} {demanded} times: {}", all()).into());
+        }
+    }
+    if case.codes.iter().any(|c| c.starts_with('E')) {
+        return Ok(());
+    }
+    if found.iter().any(|c| c.starts_with('E')) {
+        return Err(all().into());
+    }
+    for check in &case.checks {
+        let function = support::export(&checked, &check.export);
+        for precision in [Precision::F32, Precision::F64] {
+            verify(&checked, function, check, precision)
+                .map_err(|e| format!("{} of `{}` in {}: {e}", check.query, check.export, precision.name()))?;
+        }
+    }
+    Ok(())
+}
+
+/// All evaluations of one query agree with what is expected, and where they must, with each other to the bit.
+fn verify(checked: &Checked, function: &Function, check: &Check, precision: Precision) -> Result<(), String> {
+    let kinds = support::inputs(function);
+    let mut points = Vec::new();
+    for (point, _) in &check.rows {
+        if point.len() != kinds.len() {
+            return Err(format!("{} arguments are given, {} needed", point.len(), kinds.len()));
+        }
+        points.push(kinds.iter().zip(point).map(|(k, x)| support::value(*k, *x, precision)).collect::<Vec<_>>());
+    }
+    let graphs =
+        Graphs::of(checked, &check.export, &check.query, precision).map_err(|e| support::listed(&e))?;
+    let emitted = graphs.emitted(&points);
+    expect("reference before kernels", check, &graphs.oracle(&points))?;
+    expect("reference of what is emitted", check, &emitted)?;
+
+    let together = support::wasm(checked, function, &check.query, precision, Varying::All, &points)?;
+    expect("WebAssembly", check, &together)?;
+    same_bits("WebAssembly", &together, "the reference", &emitted)?;
+    for (i, point) in points.iter().enumerate() {
+        let alone = support::wasm(checked, function, &check.query, precision, Varying::First, std::slice::from_ref(point))?;
+        same_bits("a point alone, the other parameters uniform", &alone, "all points", &together[i..=i])?;
+    }
+    Ok(())
+}
+
+fn expect(who: &str, check: &Check, found: &[Vec<Value>]) -> Result<(), String> {
+    for ((point, expected), found) in check.rows.iter().zip(found) {
+        if expected.len() != found.len() {
+            return Err(format!("{who}: {} results, {} expected", found.len(), expected.len()));
+        }
+        for (i, (e, f)) in expected.iter().zip(found).enumerate() {
+            let x = support::number(*f);
+            let tolerance = if matches!(f, Value::Real(_)) { 1e-5 * e.abs().max(1.0) } else { 0.0 };
+            let agree = *e == x || (e.is_nan() && x.is_nan()) || (e - x).abs() <= tolerance && e.is_finite();
+            if !agree {
+                return Err(format!("{who}: at {point:?} scalar {i} is {x}, expected {e}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn same_bits(a: &str, left: &[Vec<Value>], b: &str, right: &[Vec<Value>]) -> Result<(), String> {
+    for (i, (l, r)) in left.iter().zip(right).enumerate() {
+        if l.len() != r.len() || !l.iter().zip(r).all(|(l, r)| l.same_bits(*r)) {
+            return Err(format!("point {i}: {a} gives {l:?}, {b} {r:?}"));
+        }
+    }
+    Ok(())
+}

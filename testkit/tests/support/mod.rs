@@ -1,0 +1,184 @@
+//! What the tests of the language and of the standard library share: a program is taken through the pipeline and
+//! evaluated in three independent ways. Knows nothing of files and of what is expected.
+
+#![allow(dead_code, reason = "each test binary uses a part")]
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use isograd_compiler::{Checked, Diagnostic, MemoryLoader, Options, Precision, Query, Rate, Request};
+use isograd_elaborate::elaborate;
+use isograd_graph::{Evaluator, Graph, Scalar, Unwatched, Value};
+use isograd_program::typed::Function;
+use isograd_program::{ScalarKind, Type};
+use isograd_transform::{Wanted, derive, differentiate, fold, kernels, optimise, schedule};
+
+/// Options under which every transform's result is verified.
+pub fn options() -> Options {
+    Options { verify: true, ..Options::default() }
+}
+
+/// Checks a program of one file.
+pub fn check(source: &str) -> Checked {
+    isograd_compiler::check(
+        "main.vola",
+        source.as_bytes().to_vec(),
+        &MemoryLoader::default(),
+        &options(),
+        &Unwatched,
+    )
+}
+
+/// Checks a program that must be free of errors.
+pub fn check_ok(source: &str) -> Checked {
+    let checked = check(source);
+    assert!(checked.is_ok(), "{}", listed(&checked.diagnostics));
+    checked
+}
+
+/// Diagnostics for a failing test's message.
+pub fn listed(diagnostics: &[Diagnostic]) -> String {
+    diagnostics.iter().fold(String::new(), |mut text, d| {
+        let _ = writeln!(text, "{}: {}", d.code.name(), d.message);
+        text
+    })
+}
+
+/// An export of a checked program.
+pub fn export<'c>(checked: &'c Checked, name: &str) -> &'c Function {
+    let program = checked.program.as_ref().expect("a program without errors");
+    let mut all = program.exports.iter().map(|id| &program.functions[id.0 as usize]);
+    all.find(|f| f.name == name).unwrap_or_else(|| panic!("no export `{name}`"))
+}
+
+/// The scalars of all parameters of an export.
+pub fn inputs(function: &Function) -> Vec<ScalarKind> {
+    function.params.iter().flat_map(|p| p.ty.scalars()).collect()
+}
+
+/// A number as a scalar of a kind; a truth value is 0 or 1.
+pub fn value(kind: ScalarKind, x: f64, precision: Precision) -> Value {
+    match kind {
+        ScalarKind::Real => Value::Real(precision.round(x)),
+        ScalarKind::Int => Value::Int(x as i32),
+        ScalarKind::Bool => Value::Bool(x != 0.0),
+    }
+}
+
+/// A scalar as a number.
+pub fn number(value: Value) -> f64 {
+    match value {
+        Value::Real(x) => x,
+        Value::Int(x) => f64::from(x),
+        Value::Bool(x) => f64::from(u8::from(x)),
+    }
+}
+
+/// The graphs of one query that are evaluated by the reference.
+pub struct Graphs {
+    /// After constants are folded, transcendental functions still whole: an oracle.
+    pub folded: Graph,
+    /// What is emitted: WebAssembly must agree with it bit for bit.
+    pub scheduled: Graph,
+    precision: Precision,
+}
+
+impl Graphs {
+    /// Takes an export through the pipeline by hand.
+    pub fn of(checked: &Checked, name: &str, query: &Query, precision: Precision) -> Result<Self, Vec<Diagnostic>> {
+        const NODES: usize = 4_000_000;
+        let program = checked.program.as_ref().expect("a program without errors");
+        let id = *program.exports.iter().find(|id| program.functions[id.0 as usize].name == name).expect("the export");
+        let raw = elaborate(program, id, &options().limits, &Unwatched)?.graph;
+        let wanted = wanted(&program.functions[id.0 as usize], query);
+        let derived = derive(&raw, &wanted, NODES, &Unwatched).expect("within the budget");
+        let plain = differentiate(derived, 6, NODES, &Unwatched).map_err(|e| {
+            vec![Diagnostic::global(isograd_compiler::Code::E0705, format!("{e:?}"))]
+        })?;
+        let folded = fold(&plain, precision, NODES, &Unwatched).expect("within the budget");
+        let expanded = kernels(&folded, precision, NODES, &Unwatched).expect("within the budget");
+        let optimised = optimise(&expanded, precision, NODES, &Unwatched).expect("within the budget");
+        let scheduled = schedule(&optimised, precision, NODES, &Unwatched).expect("within the budget");
+        Ok(Self { folded, scheduled, precision })
+    }
+
+    /// Evaluates the folded graph, in f64 if asked for whatever the precision of its constants.
+    pub fn oracle(&self, points: &[Vec<Value>]) -> Vec<Vec<Value>> {
+        evaluate(&self.folded, self.precision, points)
+    }
+
+    /// Evaluates what is emitted.
+    pub fn emitted(&self, points: &[Vec<Value>]) -> Vec<Vec<Value>> {
+        evaluate(&self.scheduled, self.precision, points)
+    }
+}
+
+fn evaluate(graph: &Graph, precision: Precision, points: &[Vec<Value>]) -> Vec<Vec<Value>> {
+    let mut evaluator = Evaluator::new(graph, precision);
+    points.iter().map(|point| evaluator.run(point).expect("enough steps")).collect()
+}
+
+/// The scalars a query wants of an export, in the order of LANGUAGE 13.1.
+fn wanted(function: &Function, query: &Query) -> Vec<Wanted> {
+    let reals = |ty: &Type| -> Vec<usize> {
+        (0..).zip(ty.scalars()).filter(|(_, s)| *s == ScalarKind::Real).map(|(i, _)| i).collect()
+    };
+    let offset = |name: &str| -> Vec<usize> {
+        let at = function.params.iter().position(|p| p.name == name).expect("the parameter");
+        let before: u32 = function.params[..at].iter().map(|p| p.ty.len()).sum();
+        reals(&function.params[at].ty).into_iter().map(|i| i + before as usize).collect()
+    };
+    let all: Vec<(usize, Vec<usize>)> = match query {
+        Query::Value => (0..function.result.len() as usize).map(|output| (output, Vec::new())).collect(),
+        Query::Gradient(p) => {
+            let each = |j: usize| reals(&function.result).into_iter().map(move |i| (i, vec![j]));
+            offset(p).into_iter().flat_map(each).collect()
+        }
+        Query::Hessian(p) => {
+            let mut all = Vec::new();
+            for k in offset(p) {
+                for j in offset(p) {
+                    all.extend(reals(&function.result).into_iter().map(|i| (i, vec![j, k])));
+                }
+            }
+            all
+        }
+    };
+    let name = |i: usize| format!("out{i}");
+    all.into_iter().enumerate().map(|(i, (output, by))| Wanted { name: name(i), output, by }).collect()
+}
+
+/// The kinds of an export's results under a query.
+pub fn results(function: &Function, query: &Query) -> Vec<ScalarKind> {
+    match query {
+        Query::Value => function.result.scalars(),
+        _ => vec![ScalarKind::Real; wanted(function, query).len()],
+    }
+}
+
+/// Which parameters vary from point to point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Varying {
+    /// All of them.
+    All,
+    /// The first, as by default.
+    First,
+}
+
+/// The request for one query.
+pub fn request(function: &Function, query: &Query, precision: Precision, varying: Varying) -> Request {
+    let rates: BTreeMap<String, Rate> = match varying {
+        Varying::All => function.params.iter().map(|p| (p.name.clone(), Rate::Varying)).collect(),
+        Varying::First => BTreeMap::new(),
+    };
+    Request { export: function.name.clone(), queries: vec![query.clone()], precision, rates, ..Request::default() }
+}
+
+/// The kind of a scalar in the graph.
+pub fn scalar(kind: ScalarKind) -> Scalar {
+    match kind {
+        ScalarKind::Real => Scalar::Real,
+        ScalarKind::Int => Scalar::Int,
+        ScalarKind::Bool => Scalar::Bool,
+    }
+}
