@@ -1,1 +1,63 @@
-fn main() {}
+//! The `isograd` command: reads arguments and files, calls the compiler, the runtime or the server, and writes what
+//! they give. Computes nothing itself.
+
+mod args;
+mod check;
+mod compile;
+mod eval;
+mod files;
+mod inputs;
+mod report;
+mod serve;
+mod table;
+
+use std::io;
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::args::{Command, Isograd};
+
+/// Why a command ends without success.
+enum Failure {
+    /// The program or the data is wrong, and that was reported: exit code 1.
+    Reported,
+    /// The program or the data is wrong: exit code 1.
+    Wrong(String),
+    /// The command was used in a way that makes no sense: exit code 2.
+    Usage(String),
+    /// What is written could not be; nobody to tell if the reader went away.
+    Output(io::Error),
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::Output(error)
+    }
+}
+
+fn main() -> ExitCode {
+    let result = match Isograd::parse().command {
+        Command::Check(args) => check::run(&args),
+        Command::Compile(args) => compile::run(&args),
+        Command::Eval(args) => eval::run(&args),
+        Command::Serve(args) => serve::run(args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Reported) => ExitCode::from(1),
+        Err(Failure::Wrong(message)) => {
+            report::error(&message);
+            ExitCode::from(1)
+        }
+        Err(Failure::Usage(message)) => {
+            report::error(&message);
+            ExitCode::from(2)
+        }
+        Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::Output(error)) => {
+            report::error(&format!("cannot write the result: {error}"));
+            ExitCode::from(1)
+        }
+    }
+}

@@ -9,7 +9,7 @@ mod seal;
 mod wanted;
 
 pub use artefact::{Artefact, Column, ColumnType, Manifest, Port};
-pub use isograd_graph::{Precision, Watch};
+pub use isograd_graph::{Precision, Unwatched, Watch};
 pub use isograd_program::{Loader, ModulePath, ScalarKind, Type};
 pub use isograd_syntax::{Code, Diagnostic, Files, Limit, Limits, Severity, render};
 pub use loader::{MemoryLoader, WithStd, standard_library};

@@ -32,6 +32,14 @@ impl Loader for WithStd<'_> {
         if self.bundled(library) { "std".to_owned() } else { self.0.canonical(library) }
     }
 
+    fn resolve(&self, at: ModulePath) -> ModulePath {
+        self.0.resolve(at)
+    }
+
+    fn allows(&self, at: &ModulePath) -> bool {
+        at.library.as_deref().is_some_and(|l| self.bundled(l)) || self.0.allows(at)
+    }
+
     fn read(&self, at: &ModulePath) -> Result<Vec<u8>, String> {
         match &at.library {
             Some(library) if self.bundled(library) => {

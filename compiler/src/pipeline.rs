@@ -2,11 +2,11 @@
 //! stands here is their order, and what becomes of their errors.
 
 use isograd_elaborate::{Elaborated, elaborate};
-use isograd_graph::{Exhausted, Graph, Node, Verified, Watch, verify};
+use isograd_graph::{Exhausted, Graph, Verified, Watch, verify};
 use isograd_program::{Loaded, Loader, Program, Type};
 use isograd_syntax::{Code, Diagnostic, Files, Limits};
 use isograd_transform::{DifferentiateError, derive, differentiate, fold, kernels, optimise, schedule};
-use isograd_wasm::EmitError;
+use isograd_wasm::{EmitError, Plan};
 
 use crate::seal::{self, Identity};
 use crate::wanted::Wanting;
@@ -213,14 +213,14 @@ fn run(
 
     watch.step("emit");
     let verified = verify(graph).map_err(|e| vec![internal(&e.to_string())])?;
-    let options = isograd_wasm::Options { precision, varying: wanting.varying.clone() };
-    let plan = isograd_wasm::plan(&verified, &options).map_err(|e| vec![unemittable(&e)])?;
+    let emission = isograd_wasm::Options { precision, varying: &wanting.varying, vectors: None };
+    let plan = Plan::new(&verified, &emission).map_err(|e| vec![unemittable(&e)])?;
 
     watch.step("seal");
     let identity = Identity::of(&checked.digest, request);
-    let manifest = seal::manifest(&identity, request, &wanting, &plan.layout, &verified);
+    let manifest = seal::manifest(&identity, request, &wanting, plan.layout(), plan.facts());
     let custom = serde_json::to_vec(&manifest).unwrap_or_default();
-    let bytes = isograd_wasm::emit(&verified, &plan, &custom).map_err(|e| vec![unemittable(&e)])?;
+    let bytes = plan.emit(&custom).map_err(|e| vec![unemittable(&e)])?.bytes;
     observe("emit", Stage::Module(&bytes));
     observe("seal", Stage::Module(&bytes));
     Ok(Artefact { bytes, manifest, warnings })
@@ -296,33 +296,4 @@ fn internal(what: &str) -> Diagnostic {
 
 fn unemittable(why: &EmitError) -> Diagnostic {
     Diagnostic::global(Code::E1103, format!("the module cannot be emitted: {why}"))
-}
-
-/// Whether a loop of the graph may run longer than `trips` iterations, or so long as its inputs say.
-pub(crate) fn may_exceed(graph: &Graph, trips: i64) -> bool {
-    let int = |id| match graph.get(id) {
-        Some(Node::Int(x)) => Some(i64::from(x)),
-        _ => None,
-    };
-    // Nested loops multiply.
-    let mut open: Vec<i64> = Vec::new();
-    for (_, node) in graph.iter() {
-        match node {
-            Node::Theta { lo, hi, .. } => {
-                let (Some(lo), Some(hi)) = (int(lo), int(hi)) else { return true };
-                let outer = open.last().copied().unwrap_or(1);
-                let all = outer.saturating_mul((hi - lo).max(1));
-                if all > trips {
-                    return true;
-                }
-                open.push(all);
-            }
-            Node::Gamma { .. } => open.push(open.last().copied().unwrap_or(1)),
-            Node::End { .. } => {
-                open.pop();
-            }
-            _ => {}
-        }
-    }
-    false
 }

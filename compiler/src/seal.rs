@@ -1,16 +1,12 @@
 //! The last step: the artefact's id and manifest.
 
-use isograd_graph::{Graph, Scalar};
+use isograd_graph::Scalar;
 use isograd_syntax::Files;
-use isograd_wasm::Layout;
+use isograd_wasm::{Facts, Layout};
 use serde::Serialize;
 
-use crate::pipeline::may_exceed;
 use crate::wanted::Wanting;
 use crate::{Column, ColumnType, Manifest, Port, Rate, Request, Target};
-
-/// Iterations per point up to which a module needs no bound on its time (DESIGN 9).
-const BRIEF: i64 = 10_000;
 
 /// The canonical form of a request: everything that can change a byte of the artefact. Its id is the BLAKE3 of its
 /// JSON, whose fields stand in the order declared here.
@@ -58,7 +54,7 @@ pub fn digest(files: &Files) -> String {
 }
 
 /// The manifest of a module.
-pub fn manifest(identity: &Identity, request: &Request, wanting: &Wanting, layout: &Layout, graph: &Graph) -> Manifest {
+pub fn manifest(identity: &Identity, request: &Request, wanting: &Wanting, layout: &Layout, facts: Facts) -> Manifest {
     let mut slots = layout.inputs.iter();
     let inputs = wanting
         .parameters
@@ -91,8 +87,8 @@ pub fn manifest(identity: &Identity, request: &Request, wanting: &Wanting, layou
         block: layout.block,
         pad: layout.pad,
         memory: layout.memory,
-        operations: u32::try_from(graph.operations()).unwrap_or(u32::MAX),
-        unbounded: may_exceed(graph, BRIEF),
+        operations: u32::try_from(facts.operations).unwrap_or(u32::MAX),
+        unbounded: facts.long_loop,
     }
 }
 

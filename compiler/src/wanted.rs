@@ -45,12 +45,8 @@ impl Wanting {
             let default = if i == 0 { Rate::Varying } else { Rate::Uniform };
             request.rates.get(name).copied().unwrap_or(default)
         };
-        let parameters: Vec<_> = function
-            .params
-            .iter()
-            .enumerate()
-            .map(|(i, p)| (p.name.clone(), p.ty.clone(), rate(i, &p.name)))
-            .collect();
+        let parameters: Vec<_> =
+            function.params.iter().enumerate().map(|(i, p)| (p.name.clone(), p.ty.clone(), rate(i, &p.name))).collect();
         let varying = parameters
             .iter()
             .flat_map(|(_, ty, rate)| std::iter::repeat_n(*rate == Rate::Varying, ty.len() as usize))
@@ -73,9 +69,16 @@ impl Wanting {
             return Err(Box::new(Diagnostic::global(Code::E1102, format!("the query `{name}` is asked for twice"))));
         }
         let results = function.result.columns("value");
-        let reals: Vec<(usize, &String)> =
-            results.iter().enumerate().zip(function.result.scalars()).filter(|(_, s)| *s == ScalarKind::Real).map(|(x, _)| x).collect();
-        let (ty, columns, wanted): (String, Vec<String>, Vec<(usize, Vec<usize>)>) = match query {
+        let reals: Vec<(usize, &String)> = results
+            .iter()
+            .enumerate()
+            .zip(function.result.scalars())
+            .filter(|(_, s)| *s == ScalarKind::Real)
+            .map(|(x, _)| x)
+            .collect();
+        // Type, names of columns, and for each the output and the inputs it is differentiated by.
+        type Columns = (String, Vec<String>, Vec<(usize, Vec<usize>)>);
+        let (ty, columns, wanted): Columns = match query {
             Query::Value => {
                 let all = (0..results.len()).map(|i| (i, Vec::new())).collect();
                 (function.result.to_string(), results.clone(), all)
@@ -196,5 +199,7 @@ fn within(limits: &Limits, query: &str, scalars: usize) -> Result<(), Box<Diagno
         return Ok(());
     }
     let message = format!("the query `{query}` has {scalars} results, the limit `export_scalars` is {limit}");
-    Err(Box::new(Diagnostic::global(Code::E1010, message).help("ask for fewer derivatives at once, or raise the limit")))
+    Err(Box::new(
+        Diagnostic::global(Code::E1010, message).help("ask for fewer derivatives at once, or raise the limit"),
+    ))
 }

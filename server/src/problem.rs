@@ -113,7 +113,12 @@ impl Problem {
             0 | 1 => format!("{message}; see `diagnostics`"),
             _ => format!("{message}, and {} more errors; see `diagnostics`", count - 1),
         };
-        let kind = if limit.is_some() { Kind::LimitExceeded } else { Kind::DoesNotCompile };
+        let kind = match first.map(|d| d.code) {
+            _ if limit.is_some() => Kind::LimitExceeded,
+            Some(Code::E1102) => Kind::InvalidRequest,
+            Some(Code::E1103) => Kind::Internal,
+            _ => Kind::DoesNotCompile,
+        };
         Self { kind, detail, limit, diagnostics: Some(render::json(diagnostics, files)) }
     }
 

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use isograd_compiler::{
-    Checked, Code, Diagnostic, Export, Loader, MemoryLoader, ModulePath, Options, Query, Request, WithStd,
+    Checked, Code, Diagnostic, Export, Loader, MemoryLoader, ModulePath, Options, Query, Request,
     check, compile, render,
 };
 use serde_json::{Value, json};
@@ -139,7 +139,7 @@ impl Program {
         let loader = Confined { program: MemoryLoader { files, base }, libraries };
         let entry = source.files.get(&source.entry).cloned().unwrap_or_default().into_bytes();
         let watch = Stopwatch::start(&options.limits);
-        let checked = check(&source.entry, entry, &WithStd(&loader), options, &watch);
+        let checked = check(&source.entry, entry, &loader, options, &watch);
         let diagnostics = diagnose(&checked, options);
         Self { id: source.id(), source, checked, diagnostics }
     }
@@ -171,11 +171,10 @@ pub fn diagnose(checked: &Checked, options: &Options) -> Vec<Diagnostic> {
     let mut diagnostics = checked.diagnostics.clone();
     for export in checked.exports() {
         let request = Request { export: export.name, queries: vec![Query::Value], ..Request::default() };
-        if let Err(found) = compile(checked, &request, options, &Stopwatch::start(&options.limits)) {
-            for diagnostic in found {
-                if !diagnostics.contains(&diagnostic) {
-                    diagnostics.push(diagnostic);
-                }
+        let compiled = compile(checked, &request, options, &Stopwatch::start(&options.limits));
+        for diagnostic in compiled.map_or_else(|errors| errors, |artefact| artefact.warnings) {
+            if !diagnostics.contains(&diagnostic) {
+                diagnostics.push(diagnostic);
             }
         }
     }

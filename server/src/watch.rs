@@ -9,7 +9,7 @@ use isograd_compiler::{Limits, Watch};
 /// Watches one compilation. `Sync`, so that a caller may hold it beside others.
 #[derive(Debug)]
 pub struct Stopwatch {
-    deadline: Option<Instant>,
+    deadline: Mutex<Option<Instant>>,
     steps: Mutex<Vec<(&'static str, Instant)>>,
 }
 
@@ -17,8 +17,16 @@ impl Stopwatch {
     /// Starts now; expires after `compile_time_ms` of the limits.
     #[must_use]
     pub fn start(limits: &Limits) -> Self {
-        let deadline = Instant::now().checked_add(Duration::from_millis(limits.compile_time_ms));
-        Self { deadline, steps: Mutex::new(Vec::new()) }
+        let this = Self { deadline: Mutex::new(None), steps: Mutex::new(Vec::new()) };
+        this.renew(limits);
+        this
+    }
+
+    /// Gives the next compilation as much time as the first had. The times of steps go on.
+    pub fn renew(&self, limits: &Limits) {
+        if let Ok(mut deadline) = self.deadline.lock() {
+            *deadline = Instant::now().checked_add(Duration::from_millis(limits.compile_time_ms));
+        }
     }
 
     /// What each step took, in the order of their first beginning; the last one ends now.
@@ -46,7 +54,7 @@ impl Watch for Stopwatch {
     }
 
     fn expired(&self) -> bool {
-        self.deadline.is_some_and(|d| Instant::now() >= d)
+        self.deadline.lock().is_ok_and(|d| d.is_some_and(|d| Instant::now() >= d))
     }
 }
 

@@ -170,17 +170,17 @@ fn verify(checked: &Checked, function: &Function, check: &Check, precision: Prec
         }
         points.push(kinds.iter().zip(point).map(|(k, x)| support::value(*k, *x, precision)).collect::<Vec<_>>());
     }
-    let graphs =
-        Graphs::of(checked, &check.export, &check.query, precision).map_err(|e| support::listed(&e))?;
+    let queries = std::slice::from_ref(&check.query);
+    let graphs = Graphs::of(checked, &check.export, queries, precision).map_err(|e| support::listed(&e))?;
     let emitted = graphs.emitted(&points);
     expect("reference before kernels", check, &graphs.oracle(&points))?;
     expect("reference of what is emitted", check, &emitted)?;
 
-    let together = support::wasm(checked, function, &check.query, precision, Varying::All, &points)?;
+    let together = support::wasm(checked, function, queries, precision, Varying::All, &points)?;
     expect("WebAssembly", check, &together)?;
     same_bits("WebAssembly", &together, "the reference", &emitted)?;
     for (i, point) in points.iter().enumerate() {
-        let alone = support::wasm(checked, function, &check.query, precision, Varying::First, std::slice::from_ref(point))?;
+        let alone = support::wasm(checked, function, queries, precision, Varying::First, std::slice::from_ref(point))?;
         same_bits("a point alone, the other parameters uniform", &alone, "all points", &together[i..=i])?;
     }
     Ok(())

@@ -63,6 +63,13 @@ pub(crate) enum Lookup<T> {
     Missing,
 }
 
+/// A concept of the program, with those of the same name in its libraries, by name space.
+pub(crate) struct Repeated<'a> {
+    pub name: &'a str,
+    pub own: ConceptId,
+    pub others: Vec<(usize, ConceptId)>,
+}
+
 /// What a call calls (LANGUAGE 6.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Callee {
@@ -259,7 +266,7 @@ impl<'a> Names<'a> {
     }
 
     /// The concepts of the program together with those of the same name in its libraries.
-    pub fn repeated_concepts(&self) -> Vec<(&'a str, ConceptId, Vec<(usize, ConceptId)>)> {
+    pub fn repeated_concepts(&self) -> Vec<Repeated<'a>> {
         let Some(program) = self.spaces.first() else { return Vec::new() };
         let others = |name: &str| {
             let found = program.imports.iter().filter_map(|i| {
@@ -268,8 +275,8 @@ impl<'a> Names<'a> {
             });
             found.collect::<Vec<_>>()
         };
-        let all = program.concepts.iter().map(|(name, id)| (*name, *id, others(name)));
-        all.filter(|(_, _, others)| !others.is_empty()).collect()
+        let all = program.concepts.iter().map(|(name, id)| Repeated { name, own: *id, others: others(name) });
+        all.filter(|r| !r.others.is_empty()).collect()
     }
 
     /// Makes a name of a name space mean another concept.
@@ -277,6 +284,14 @@ impl<'a> Names<'a> {
         if let Some(space) = self.spaces.get_mut(space) {
             space.concepts.insert(name, id);
         }
+    }
+
+    /// A library outside of a name space's reach that declares the name.
+    pub fn elsewhere(&self, space: usize, name: &str, kind: Kind) -> Option<&'a str> {
+        let imports = self.spaces.get(space).map_or(&[][..], |s| s.imports.as_slice());
+        let others = self.spaces.iter().enumerate().filter(|(i, _)| *i != space && !imports.contains(i));
+        let mut found = others.filter(|(_, s)| s.declared.contains_key(&(name, kind)));
+        found.find_map(|(_, s)| s.library)
     }
 
     /// The library of a name space.

@@ -73,10 +73,7 @@ fn implementation(out: &mut String, program: &Program, implementation: &Impl) {
 fn code(out: &mut String, program: &Program, code: &Code) {
     let mut depth = 1_usize;
     for (instruction, _) in &code.instructions {
-        if matches!(
-            instruction,
-            Instruction::Else | Instruction::EndIf | Instruction::EndFor | Instruction::EndBlock
-        ) {
+        if matches!(instruction, Instruction::Else | Instruction::EndIf | Instruction::EndFor | Instruction::EndBlock) {
             depth = depth.saturating_sub(1);
         }
         // A chain of `else if` nests deeply; its listing need not.

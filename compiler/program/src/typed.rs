@@ -83,7 +83,7 @@ pub struct Param {
 }
 
 /// `impl N<operands> for C(p) { … }`. The first slots of its code hold, in this order, the concept's argument(s)
-/// (one slot; in the [24] form with several names one per tuple element), the definition's arguments, the operands.
+/// (one slot; in the \[24\] form with several names one per tuple element), the definition's arguments, the operands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Impl {
     /// The node.

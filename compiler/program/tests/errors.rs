@@ -66,7 +66,7 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("{ csg e = Shift(); eval e.D(x) }", "E0402", &[]),
     ("{ csg e = Line(); eval e.D(v) }", "E0403", &["concept D: real -> real"]),
     ("{ csg e = Line(); eval e.D(x, x) }", "E0402", &[]),
-    ("{ twice(x); x }", "E0403 W0501", &[]),
+    ("{ csg e = twice(x); eval e.D(x) }", "E0403", &["`c` of `twice` is `csg`"]),
     ("{ diff(x) }", "E0402", &[]),
     // Lists, access, casts.
     ("{ [1, 2, 3].x::<real> }", "E0405", &["`[1.0, 2.0, 3.0]`"]),

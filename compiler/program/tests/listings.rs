@@ -16,15 +16,18 @@ fn listing(signature: &str, body: &str) -> String {
 }
 
 fn lists(signature: &str, body: &str, expected: &str) {
-    let expected: String = expected.lines().skip(1).map(|l| format!("{}\n", l.strip_prefix("        ").unwrap_or("")))
-        .collect();
+    let expected: String =
+        expected.lines().skip(1).map(|l| format!("{}\n", l.strip_prefix("        ").unwrap_or(""))).collect();
     let found = listing(signature, body);
     assert_eq!(found.trim_end(), expected.trim_end(), "{body}\n{found}");
 }
 
 #[test]
 fn loops_write_outer_slots() {
-    lists("f(a: real) -> real", "let s = a; for i in 1..4 { s = s + i::<real>; } s", "
+    lists(
+        "f(a: real) -> real",
+        "let s = a; for i in 1..4 { s = s + i::<real>; } s",
+        "
         Load a#0
         Store s#1: real
         Int 1
@@ -36,12 +39,16 @@ fn loops_write_outer_slots() {
           real + real
           Store s#1: real
         EndFor
-        Load s#1");
+        Load s#1",
+    );
 }
 
 #[test]
 fn inner_definitions_shadow() {
-    lists("f(a: real) -> real", "let r = a; if a > 0.0 { let r = 5.0; r = 6.0; } r", "
+    lists(
+        "f(a: real) -> real",
+        "let r = a; if a > 0.0 { let r = 5.0; r = 6.0; } r",
+        "
         Load a#0
         Store r#1: real
         Load a#0
@@ -54,12 +61,16 @@ fn inner_definitions_shadow() {
           Store r#2: real
         Else
         EndIf
-        Load r#1");
+        Load r#1",
+    );
 }
 
 #[test]
 fn statement_branches_write_through_all_levels() {
-    lists("f(x: real) -> real", "let r = 0.0; if x > 0.0 { if x > 1.0 { r = 2.0; } else { r = 1.0; } } r", "
+    lists(
+        "f(x: real) -> real",
+        "let r = 0.0; if x > 0.0 { if x > 1.0 { r = 2.0; } else { r = 1.0; } } r",
+        "
         Real 0.0
         Store r#1: real
         Load x#0
@@ -78,12 +89,16 @@ fn statement_branches_write_through_all_levels() {
           EndIf
         Else
         EndIf
-        Load r#1");
+        Load r#1",
+    );
 }
 
 #[test]
 fn value_branches_restore() {
-    lists("f(x: real) -> real", "let r = 1.0; let y = if x > 0.0 { r = 2.0; r } else { r }; r + y", "
+    lists(
+        "f(x: real) -> real",
+        "let r = 1.0; let y = if x > 0.0 { r = 2.0; r } else { r }; r + y",
+        "
         Real 1.0
         Store r#1: real
         Load x#0
@@ -99,12 +114,16 @@ fn value_branches_restore() {
         Store y#2: real
         Load r#1
         Load y#2
-        real + real");
+        real + real",
+    );
 }
 
 #[test]
 fn writes_restored_inside_do_not_count_outside() {
-    lists("f(x: real) -> real", "let r = x; for i in 0..3 { let y = if x > 0.0 { r = x; r } else { x }; } r", "
+    lists(
+        "f(x: real) -> real",
+        "let r = x; for i in 0..3 { let y = if x > 0.0 { r = x; r } else { x }; } r",
+        "
         Load x#0
         Store r#1: real
         Int 0
@@ -122,12 +141,16 @@ fn writes_restored_inside_do_not_count_outside() {
           EndIf
           Store y#3: real
         EndFor
-        Load r#1");
+        Load r#1",
+    );
 }
 
 #[test]
 fn else_if_nests() {
-    lists("f(x: real) -> real", "if x < 0.0 {0.0} else if x < 1.0 {1.0} else {2.0}", "
+    lists(
+        "f(x: real) -> real",
+        "if x < 0.0 {0.0} else if x < 1.0 {1.0} else {2.0}",
+        "
         Load x#0
         Real 0.0
         real < real
@@ -142,12 +165,16 @@ fn else_if_nests() {
           Else
             Real 2.0
           EndIf
-        EndIf");
+        EndIf",
+    );
 }
 
 #[test]
 fn definition_arguments_are_captured_by_value() {
-    lists("f(x: real) -> real", "let k = 1.0; csg e = Shift(k); k = 100.0; eval e.D(x)", "
+    lists(
+        "f(x: real) -> real",
+        "let k = 1.0; csg e = Shift(k); k = 100.0; eval e.D(x)",
+        "
         Real 1.0
         Store k#1: real
         Load k#1
@@ -157,12 +184,16 @@ fn definition_arguments_are_captured_by_value() {
         Store k#1: real
         Load e#2
         Load x#0
-        Eval D");
+        Eval D",
+    );
 }
 
 #[test]
 fn scoped_call_blocks_write_to_copies() {
-    lists("f(x: real) -> real", "let k = 1.0; csg e = Add(){ k = k + 1.0; Plus(k) }{ Plus(k) }; eval e.D(x)", "
+    lists(
+        "f(x: real) -> real",
+        "let k = 1.0; csg e = Add(){ k = k + 1.0; Plus(k) }{ Plus(k) }; eval e.D(x)",
+        "
         Real 1.0
         Store k#1: real
         Block restores k#1
@@ -181,22 +212,30 @@ fn scoped_call_blocks_write_to_copies() {
         Store e#2: csg
         Load e#2
         Load x#0
-        Eval D");
+        Eval D",
+    );
 }
 
 #[test]
 fn user_functions_win_over_extension_built_ins() {
-    lists("f(x: real) -> real", "sign(x) + abs(x)", "
+    lists(
+        "f(x: real) -> real",
+        "sign(x) + abs(x)",
+        "
         Load x#0
         Call sign
         Load x#0
         Builtin abs(real)
-        real + real");
+        real + real",
+    );
 }
 
 #[test]
 fn csg_loops_write_csg_slots() {
-    lists("f(x: real) -> real", "csg c = Line(); for i in 0..7 { c = Inc(){ c }; } eval c.D(x)", "
+    lists(
+        "f(x: real) -> real",
+        "csg c = Line(); for i in 0..7 { c = Inc(){ c }; } eval c.D(x)",
+        "
         Node Line subtrees 0
         Store c#1: csg
         Int 0
@@ -210,12 +249,16 @@ fn csg_loops_write_csg_slots() {
         EndFor
         Load c#1
         Load x#0
-        Eval D");
+        Eval D",
+    );
 }
 
 #[test]
 fn loop_expressions_have_a_variable_of_their_own() {
-    lists("f(x: real) -> real", "let x2 = for x = x in 0..4 { x = x * 2.0; }; x2 + x", "
+    lists(
+        "f(x: real) -> real",
+        "let x2 = for x = x in 0..4 { x = x * 2.0; }; x2 + x",
+        "
         Load x#0
         Store x#1: real
         Int 0
@@ -230,12 +273,16 @@ fn loop_expressions_have_a_variable_of_their_own() {
         Store x2#3: real
         Load x2#3
         Load x#0
-        real + real");
+        real + real",
+    );
 }
 
 #[test]
 fn an_assignment_of_another_type_gets_a_slot_of_its_own() {
-    lists("f(x: real) -> real", "let a = 1; csg e = Inc(){ a = x; Shift(a) }; a = a + 1; eval e.D(a::<real>)", "
+    lists(
+        "f(x: real) -> real",
+        "let a = 1; csg e = Inc(){ a = x; Shift(a) }; a = a + 1; eval e.D(a::<real>)",
+        "
         Int 1
         Store a#1: int
         Block
@@ -253,12 +300,16 @@ fn an_assignment_of_another_type_gets_a_slot_of_its_own() {
         Load e#3
         Load a#1
         Cast int -> real
-        Eval D");
+        Eval D",
+    );
 }
 
 #[test]
 fn components_are_ranges_of_scalars() {
-    lists("f(m: mat2x3) -> real", "let t = (1, m, [m.x.y; 2]); t.1.y.z + t.2.y + diff(m.x, t.2.x).x", "
+    lists(
+        "f(m: mat2x3) -> real",
+        "let t = (1, m, [m.x.y; 2]); t.1.y.z + t.2.y + diff(m.x, t.2.x).x",
+        "
         Int 1
         Load m#0
         Load m#0
@@ -282,12 +333,16 @@ fn components_are_ranges_of_scalars() {
         Pick 0..1
         Diff
         Pick 0..1
-        real + real");
+        real + real",
+    );
 }
 
 #[test]
 fn dead_evals_are_marked() {
-    lists("f(x: real) -> real", "csg e = Line(); let y = eval e.D(x); eval e.D(x); eval e.D(x)", "
+    lists(
+        "f(x: real) -> real",
+        "csg e = Line(); let y = eval e.D(x); eval e.D(x); eval e.D(x)",
+        "
         Node Line subtrees 0
         Store e#1: csg
         Load e#1
@@ -300,7 +355,8 @@ fn dead_evals_are_marked() {
         Drop
         Load e#1
         Load x#0
-        Eval D");
+        Eval D",
+    );
 }
 
 #[test]

@@ -291,7 +291,7 @@ impl Emitter<'_> {
 
     /// A join with operands that were computed after the branch: selects where it stands.
     fn late_join(&mut self, id: NodeId, end: NodeId, then: NodeId, otherwise: NodeId) {
-        let (then_late, otherwise_late) = (is_late(end, then), is_late(end, otherwise));
+        let (then_late, otherwise_late) = (is_late(self.graph, end, then), is_late(self.graph, end, otherwise));
         let Some(Node::Gamma { cond, .. }) = self.graph.get(owner(self.graph, end)) else { return };
         if !then_late && !otherwise_late {
             return;

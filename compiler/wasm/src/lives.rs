@@ -28,8 +28,8 @@ pub fn storage(graph: &Graph, id: NodeId) -> NodeId {
 }
 
 /// Whether an operand of a join is computed only after the branch.
-pub fn is_late(end: NodeId, operand: NodeId) -> bool {
-    operand > end
+pub fn is_late(graph: &Graph, end: NodeId, operand: NodeId) -> bool {
+    operand > end && !is_constant(graph[operand])
 }
 
 /// Calls `f` with the values that are read where this node stands in the order. Joins and finals are computed where
@@ -41,18 +41,19 @@ pub fn reads(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl F
             let Some(Node::Gamma { end, .. }) = graph.get(gamma) else { return };
             for join in rates.joins.get(&end).into_iter().flatten() {
                 if let Node::Join { then, .. } = graph[*join]
-                    && !is_late(end, then)
+                    && !is_late(graph, end, then)
                 {
                     f(then);
                 }
             }
         }
         Node::Join { end, then, otherwise } => {
-            if is_late(end, then) || is_late(end, otherwise) {
-                if let Some(Node::Gamma { cond, .. }) = graph.get(owner(graph, end)) {
-                    f(cond);
-                }
-                [then, otherwise].into_iter().filter(|x| is_late(end, *x)).for_each(f);
+            let late = [then, otherwise].map(|x| is_late(graph, end, x).then_some(x));
+            if let Some(Node::Gamma { cond, .. }) = graph.get(owner(graph, end))
+                && late.iter().any(Option::is_some)
+            {
+                f(cond);
+                late.into_iter().flatten().for_each(f);
             }
         }
         Node::Theta { lo, hi, .. } => {
@@ -69,7 +70,7 @@ pub fn reads(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl F
                 f(cond);
                 for join in rates.joins.get(&id).into_iter().flatten() {
                     if let Node::Join { otherwise, .. } = graph[*join]
-                        && !is_late(id, otherwise)
+                        && !is_late(graph, id, otherwise)
                     {
                         f(otherwise);
                     }

@@ -219,7 +219,7 @@ fn early(graph: &Graph, needed: &PerNode<bool>, uniform: &PerNode<bool>) -> PerN
                     all
                 };
                 let mut whole = inside(&early, node);
-                while let Some((at, node)) = nodes.next() {
+                for (at, node) in nodes.by_ref() {
                     whole &= !needed[at] || (uniform[at] && inside(&early, node));
                     if at == end {
                         break;

@@ -115,7 +115,7 @@ impl Emitter<'_> {
         let mut results = Vec::new();
         for join in &joins {
             if let Node::Join { then, .. } = self.graph[*join]
-                && !is_late(end, then)
+                && !is_late(self.graph, end, then)
             {
                 (0..self.width(*join)).for_each(|vector| self.push(then, vector));
                 results.push(*join);
@@ -178,12 +178,12 @@ impl Emitter<'_> {
         let in_lanes = matches!(frame, Some(Frame::LaneBranch { .. }));
         for join in self.joins(end) {
             let Node::Join { then, otherwise, .. } = self.graph[join] else { continue };
-            if is_late(end, otherwise) {
+            if is_late(self.graph, end, otherwise) {
                 continue;
             }
             for vector in 0..self.width(join) {
                 let local = self.local(join, vector);
-                if in_lanes && !is_late(end, then) {
+                if in_lanes && !is_late(self.graph, end, then) {
                     self.code.get(local);
                     self.push(otherwise, vector);
                     self.push(cond, vector);

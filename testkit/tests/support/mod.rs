@@ -3,12 +3,14 @@
 
 #![allow(dead_code, reason = "each test binary uses a part")]
 
+pub mod points;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use isograd_compiler::{Checked, Diagnostic, MemoryLoader, Options, Precision, Query, Rate, Request};
 use isograd_elaborate::elaborate;
-use isograd_graph::{Evaluator, Graph, Scalar, Unwatched, Value};
+use isograd_graph::{Evaluator, Graph, Unwatched, Value};
 use isograd_program::typed::Function;
 use isograd_program::{ScalarKind, Type};
 use isograd_transform::{Wanted, derive, differentiate, fold, kernels, optimise, schedule};
@@ -74,7 +76,7 @@ pub fn number(value: Value) -> f64 {
     }
 }
 
-/// The graphs of one query that are evaluated by the reference.
+/// The graphs of some queries that are evaluated by the reference.
 pub struct Graphs {
     /// After constants are folded, transcendental functions still whole: an oracle.
     pub folded: Graph,
@@ -85,12 +87,12 @@ pub struct Graphs {
 
 impl Graphs {
     /// Takes an export through the pipeline by hand.
-    pub fn of(checked: &Checked, name: &str, query: &Query, precision: Precision) -> Result<Self, Vec<Diagnostic>> {
+    pub fn of(checked: &Checked, name: &str, queries: &[Query], precision: Precision) -> Result<Self, Vec<Diagnostic>> {
         const NODES: usize = 4_000_000;
         let program = checked.program.as_ref().expect("a program without errors");
         let id = *program.exports.iter().find(|id| program.functions[id.0 as usize].name == name).expect("the export");
         let raw = elaborate(program, id, &options().limits, &Unwatched)?.graph;
-        let wanted = wanted(&program.functions[id.0 as usize], query);
+        let wanted = wanted(&program.functions[id.0 as usize], queries);
         let derived = derive(&raw, &wanted, NODES, &Unwatched).expect("within the budget");
         let plain = differentiate(derived, 6, NODES, &Unwatched).map_err(|e| {
             vec![Diagnostic::global(isograd_compiler::Code::E0705, format!("{e:?}"))]
@@ -102,7 +104,7 @@ impl Graphs {
         Ok(Self { folded, scheduled, precision })
     }
 
-    /// Evaluates the folded graph, in f64 if asked for whatever the precision of its constants.
+    /// Evaluates the folded graph.
     pub fn oracle(&self, points: &[Vec<Value>]) -> Vec<Vec<Value>> {
         evaluate(&self.folded, self.precision, points)
     }
@@ -118,42 +120,33 @@ fn evaluate(graph: &Graph, precision: Precision, points: &[Vec<Value>]) -> Vec<V
     points.iter().map(|point| evaluator.run(point).expect("enough steps")).collect()
 }
 
-/// The scalars a query wants of an export, in the order of LANGUAGE 13.1.
-fn wanted(function: &Function, query: &Query) -> Vec<Wanted> {
+/// The scalars that queries want of an export, in the order of LANGUAGE 13.1.
+fn wanted(function: &Function, queries: &[Query]) -> Vec<Wanted> {
     let reals = |ty: &Type| -> Vec<usize> {
         (0..).zip(ty.scalars()).filter(|(_, s)| *s == ScalarKind::Real).map(|(i, _)| i).collect()
     };
-    let offset = |name: &str| -> Vec<usize> {
+    let inputs = |name: &str| -> Vec<usize> {
         let at = function.params.iter().position(|p| p.name == name).expect("the parameter");
         let before: u32 = function.params[..at].iter().map(|p| p.ty.len()).sum();
         reals(&function.params[at].ty).into_iter().map(|i| i + before as usize).collect()
     };
-    let all: Vec<(usize, Vec<usize>)> = match query {
-        Query::Value => (0..function.result.len() as usize).map(|output| (output, Vec::new())).collect(),
-        Query::Gradient(p) => {
-            let each = |j: usize| reals(&function.result).into_iter().map(move |i| (i, vec![j]));
-            offset(p).into_iter().flat_map(each).collect()
-        }
-        Query::Hessian(p) => {
-            let mut all = Vec::new();
-            for k in offset(p) {
-                for j in offset(p) {
-                    all.extend(reals(&function.result).into_iter().map(|i| (i, vec![j, k])));
+    let outputs = reals(&function.result);
+    let mut all: Vec<(usize, Vec<usize>)> = Vec::new();
+    for query in queries {
+        match query {
+            Query::Value => all.extend((0..function.result.len() as usize).map(|output| (output, Vec::new()))),
+            Query::Gradient(p) => {
+                all.extend(inputs(p).iter().flat_map(|j| outputs.iter().map(|i| (*i, vec![*j]))));
+            }
+            Query::Hessian(p) => {
+                for k in inputs(p) {
+                    all.extend(inputs(p).iter().flat_map(|j| outputs.iter().map(move |i| (*i, vec![*j.min(&k), k.max(*j)]))));
                 }
             }
-            all
         }
-    };
+    }
     let name = |i: usize| format!("out{i}");
     all.into_iter().enumerate().map(|(i, (output, by))| Wanted { name: name(i), output, by }).collect()
-}
-
-/// The kinds of an export's results under a query.
-pub fn results(function: &Function, query: &Query) -> Vec<ScalarKind> {
-    match query {
-        Query::Value => function.result.scalars(),
-        _ => vec![ScalarKind::Real; wanted(function, query).len()],
-    }
 }
 
 /// Which parameters vary from point to point.
@@ -165,20 +158,22 @@ pub enum Varying {
     First,
 }
 
-/// The request for one query.
-pub fn request(function: &Function, query: &Query, precision: Precision, varying: Varying) -> Request {
+/// The request for some queries.
+pub fn request(function: &Function, queries: &[Query], precision: Precision, varying: Varying) -> Request {
     let rates: BTreeMap<String, Rate> = match varying {
         Varying::All => function.params.iter().map(|p| (p.name.clone(), Rate::Varying)).collect(),
         Varying::First => BTreeMap::new(),
     };
-    Request { export: function.name.clone(), queries: vec![query.clone()], precision, rates, ..Request::default() }
+    Request { export: function.name.clone(), queries: queries.to_vec(), precision, rates, ..Request::default() }
 }
 
-/// The kind of a scalar in the graph.
-pub fn scalar(kind: ScalarKind) -> Scalar {
-    match kind {
-        ScalarKind::Real => Scalar::Real,
-        ScalarKind::Int => Scalar::Int,
-        ScalarKind::Bool => Scalar::Bool,
+/// Compiles the value of an export in both precisions: its warnings, or its errors.
+pub fn compile(checked: &Checked, name: &str) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
+    let function = export(checked, name);
+    let mut warnings = Vec::new();
+    for precision in [Precision::F32, Precision::F64] {
+        let request = request(function, &[Query::Value], precision, Varying::All);
+        warnings = isograd_compiler::compile(checked, &request, &options(), &Unwatched)?.warnings;
     }
+    Ok(warnings)
 }

@@ -97,8 +97,9 @@ impl fmt::Display for Op {
     }
 }
 
-/// Everything that is known of an operation. No field is optional.
-#[derive(Debug)]
+/// Everything that is known of an operation. No field is optional. Cloned only to alter a rule and see that the laws
+/// notice.
+#[derive(Debug, Clone)]
 pub struct OpDef {
     /// Its name in the text form.
     pub name: &'static str,
@@ -128,7 +129,7 @@ pub struct OpDef {
 }
 
 /// Reference evaluation in both precisions. Operands of other kinds than declared give NaN, 0 or false.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Eval {
     /// In f64.
     pub f64: fn(&[Value]) -> Value,
@@ -152,7 +153,7 @@ pub type Rule = fn(&mut Builder<'_>, &[NodeId], NodeId) -> NodeId;
 
 /// How the result changes with the operands. One rule serves forward and reverse mode and, being written in the
 /// same operations, every higher order.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub enum Derivative {
     /// It does not: the result is an int or bool, or piecewise constant.
     Zero,
@@ -171,7 +172,7 @@ pub enum Derivative {
 }
 
 /// One partial derivative.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub enum Partial {
     /// 0, structurally.
     Zero,
@@ -184,7 +185,7 @@ pub enum Partial {
 }
 
 /// Where an operation is not differentiable, or its derivative follows a convention (LANGUAGE 13.6).
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub enum Kink {
     /// Nowhere inside its domain.
     None,
@@ -212,7 +213,7 @@ pub enum Accuracy {
 }
 
 /// How a target computes an operation.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub enum Lowering {
     /// By WebAssembly instructions on lanes, as a stack program: `a b c d` push operands, `i32:N` and `i64:N` push a
     /// constant in every lane, `low32` packs the low halves of 64-bit lanes into the low two 32-bit lanes, `NAME:N`

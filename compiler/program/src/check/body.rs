@@ -37,7 +37,7 @@ pub(super) enum FrameKind {
     Value,
     /// A block of a scoped call: writes end with it.
     Block,
-    /// The body of a [24] loop expression: only this slot may be written.
+    /// The body of a \[24\] loop expression: only this slot may be written.
     Only(Slot),
 }
 
@@ -126,9 +126,13 @@ impl<'a> Body<'a> {
         self.scalars = self.scalars.saturating_add(u64::from(ty.len()));
         if before <= limit && self.scalars > limit {
             self.error(
-                Diagnostic::new(Error::E1007, span, format!("the variables of this body hold more than {limit} scalars"))
-                    .note(format!("the limit `graph_nodes` is {limit}"))
-                    .help("split the body, or raise the limit `graph_nodes`"),
+                Diagnostic::new(
+                    Error::E1007,
+                    span,
+                    format!("the variables of this body hold more than {limit} scalars"),
+                )
+                .note(format!("the limit `graph_nodes` is {limit}"))
+                .help("split the body, or raise the limit `graph_nodes`"),
             );
         }
     }
@@ -146,6 +150,13 @@ impl<'a> Body<'a> {
     /// The type of a slot.
     pub fn slot_type(&self, slot: Slot) -> Type {
         self.code.slots.get(slot.0 as usize).map_or(Type::Error, |s| s.ty.clone())
+    }
+
+    /// Forgets the type of a slot after a report, so that its uses cause no others.
+    pub fn poison(&mut self, slot: Slot) {
+        if let Some(local) = self.code.slots.get_mut(slot.0 as usize) {
+            local.ty = Type::Error;
+        }
     }
 
     /// Makes a name mean a slot in the current scope; E0302 if the scope has the name already.
@@ -225,7 +236,7 @@ impl<'a> Body<'a> {
         self.frames.iter().any(|f| f.kind != FrameKind::Block && f.scope > scope)
     }
 
-    /// The variable of the innermost [24] loop expression, if one stands between the scope and here.
+    /// The variable of the innermost \[24\] loop expression, if one stands between the scope and here.
     pub fn only(&self, scope: usize) -> Option<Slot> {
         self.frames.iter().rev().find_map(|f| match f.kind {
             FrameKind::Only(slot) if f.scope > scope => Some(slot),

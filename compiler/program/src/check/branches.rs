@@ -77,9 +77,13 @@ impl<'a> Body<'a> {
         if let Some((condition, _)) = arms.get(allowed) {
             // `else if` nests (LANGUAGE 2.5), and every level keeps a list of what is written below it.
             self.error(
-                Diagnostic::new(Code::E1005, self.expr_span(*condition), format!("more than {limit} branches in a chain"))
-                    .note(format!("the limit `csg_depth` is {limit}"))
-                    .help("compute the case from a formula, split the chain, or raise the limit `csg_depth`"),
+                Diagnostic::new(
+                    Code::E1005,
+                    self.expr_span(*condition),
+                    format!("more than {limit} branches in a chain"),
+                )
+                .note(format!("the limit `csg_depth` is {limit}"))
+                .help("compute the case from a formula, split the chain, or raise the limit `csg_depth`"),
             );
         }
         let mut heads = Vec::new();
@@ -144,8 +148,12 @@ impl<'a> Body<'a> {
             }
             _ => {
                 self.error(
-                    Diagnostic::new(Code::E0503, block.span, "this branch has no value, but the `if` is used as a value")
-                        .help("end the branch with an expression without `;`"),
+                    Diagnostic::new(
+                        Code::E0503,
+                        block.span,
+                        "this branch has no value, but the `if` is used as a value",
+                    )
+                    .help("end the branch with an expression without `;`"),
                 );
                 false
             }
@@ -202,7 +210,7 @@ impl<'a> Body<'a> {
         self.close_loop(head, span);
     }
 
-    /// [24] `for v = init in lo..hi { … }`: the final content of `v` (LANGUAGE 7.3).
+    /// \[24\] `for v = init in lo..hi { … }`: the final content of `v` (LANGUAGE 7.3).
     pub fn loop_value(&mut self, id: ExprId, want: Want) -> Type {
         let expr = tree::expr(self.tree, id);
         let ExprKind::Loop { name, init, lo, hi, body } = &expr.kind else { return Type::Error };
@@ -216,8 +224,12 @@ impl<'a> Body<'a> {
         let head = self.open_loop(FrameKind::Only(carried), "", name.span, expr.span);
         if let Some(value) = tree::block(self.tree, *body).value {
             self.error(
-                Diagnostic::new(Code::E0507, self.expr_span(value), "the body of a loop used as a value ends with a value")
-                    .help(format!("assign it: `{} = …;`", name.text)),
+                Diagnostic::new(
+                    Code::E0507,
+                    self.expr_span(value),
+                    "the body of a loop used as a value ends with a value",
+                )
+                .help(format!("assign it: `{} = …;`", name.text)),
             );
         }
         self.plain_block(*body);
@@ -232,8 +244,11 @@ impl<'a> Body<'a> {
             if matches!(ty, Type::Int | Type::Error) {
                 continue;
             }
-            let mut diagnostic =
-                Diagnostic::new(Code::E0504, self.expr_span(id), format!("the {which} bound of a loop is `{ty}`, not `int`"));
+            let mut diagnostic = Diagnostic::new(
+                Code::E0504,
+                self.expr_span(id),
+                format!("the {which} bound of a loop is `{ty}`, not `int`"),
+            );
             if let Some(mend) = self.mend(id, &ty, &Type::Int) {
                 diagnostic = diagnostic.help(mend);
             }

@@ -7,10 +7,7 @@ use isograd_syntax::{
 };
 
 use super::{body::Body, messages::counted};
-use crate::{
-    Builtin, Type,
-    typed::Instruction,
-};
+use crate::{Builtin, Type, typed::Instruction};
 
 /// Which arguments a built-in takes.
 enum Rule {
@@ -61,8 +58,22 @@ fn rule(builtin: Builtin) -> Rule {
         B::Normalize => Rule::Same(1, Kinds::VectorOrQuat),
         B::Reflect => Rule::Same(2, Kinds::Vector),
         B::Cross => Rule::Fixed(&[(&[V3, V3], V3)]),
-        B::Sqrt | B::Exp | B::Fract | B::Floor | B::Ceil | B::Round | B::Sin | B::Cos | B::Tan | B::Asin | B::Acos
-        | B::Atan | B::Saturate | B::Trunc | B::Log | B::InverseSqrt => Rule::Same(1, Kinds::Real),
+        B::Sqrt
+        | B::Exp
+        | B::Fract
+        | B::Floor
+        | B::Ceil
+        | B::Round
+        | B::Sin
+        | B::Cos
+        | B::Tan
+        | B::Asin
+        | B::Acos
+        | B::Atan
+        | B::Saturate
+        | B::Trunc
+        | B::Log
+        | B::InverseSqrt => Rule::Same(1, Kinds::Real),
         B::Pow | B::Step => Rule::Same(2, Kinds::Real),
         B::Mix | B::Lerp | B::Smoothstep => Rule::Same(3, Kinds::Real),
         B::Abs | B::Sign => Rule::Same(1, Kinds::Number),

@@ -87,7 +87,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// [24] `v()` for a csg variable; anything else that is no function is E0303.
+    /// \[24\] `v()` for a csg variable; anything else that is no function is E0303.
     fn call_of_variable(
         &mut self,
         callee: &'a Ident,
@@ -109,12 +109,16 @@ impl<'a> Body<'a> {
         self.subtrees(blocks);
         if ty != Type::Error {
             self.error(
-                Diagnostic::new(Code::E0303, callee.span, format!("`{name}` is a variable of type `{ty}`, not a function"))
-                    .help(if ty == Type::Csg {
-                        format!("interpret it: `eval {name}.Concept(…)`")
-                    } else {
-                        format!("to use its value write `{name}`")
-                    }),
+                Diagnostic::new(
+                    Code::E0303,
+                    callee.span,
+                    format!("`{name}` is a variable of type `{ty}`, not a function"),
+                )
+                .help(if ty == Type::Csg {
+                    format!("interpret it: `eval {name}.Concept(…)`")
+                } else {
+                    format!("to use its value write `{name}`")
+                }),
             );
         }
         Type::Error
@@ -147,7 +151,10 @@ impl<'a> Body<'a> {
             format!("the declaration is `{}`", signature(word, &definition.name, &definition.params, None))
         });
         self.subtrees(blocks);
-        self.emit(Instruction::Node { definition: id, subtrees: u32::try_from(blocks.len()).unwrap_or(u32::MAX) }, span);
+        self.emit(
+            Instruction::Node { definition: id, subtrees: u32::try_from(blocks.len()).unwrap_or(u32::MAX) },
+            span,
+        );
         Type::Csg
     }
 
@@ -199,12 +206,7 @@ impl<'a> Body<'a> {
                 Diagnostic::new(
                     Code::E0402,
                     callee.span,
-                    format!(
-                        "`{}` takes {}, not {}",
-                        callee.text,
-                        counted(params.len(), "argument"),
-                        args.len()
-                    ),
+                    format!("`{}` takes {}, not {}", callee.text, counted(params.len(), "argument"), args.len()),
                 )
                 .note(signature()),
             );
@@ -215,7 +217,11 @@ impl<'a> Body<'a> {
                 continue;
             }
             if *ty == Type::Csg && whose != Whose::Function {
-                let place = if whose == Whose::Definition { "an argument of an entity or operation" } else { "an argument of a concept" };
+                let place = if whose == Whose::Definition {
+                    "an argument of an entity or operation"
+                } else {
+                    "an argument of a concept"
+                };
                 self.csg_in(&[*id], &[Type::Csg], place);
                 continue;
             }
@@ -284,7 +290,14 @@ impl<'a> Body<'a> {
     }
 
     /// `eval v.C(args)` (LANGUAGE 11.5).
-    pub fn eval(&mut self, variable: &'a Ident, concept: &'a Ident, args: &'a [ExprId], word: bool, span: Span) -> Type {
+    pub fn eval(
+        &mut self,
+        variable: &'a Ident,
+        concept: &'a Ident,
+        args: &'a [ExprId],
+        word: bool,
+        span: Span,
+    ) -> Type {
         let name = &variable.text;
         match self.variable(name) {
             None => self.unknown_variable(name, variable.span, "to evaluate"),

@@ -30,9 +30,7 @@ impl<'a> Body<'a> {
         while let Some(outer) = spine.pop() {
             let expr = tree::expr(self.tree, outer);
             ty = match &expr.kind {
-                ExprKind::Binary { op, op_span, right, .. } => {
-                    self.binary(*op, *op_span, (at, ty), *right, expr.span)
-                }
+                ExprKind::Binary { op, op_span, right, .. } => self.binary(*op, *op_span, (at, ty), *right, expr.span),
                 ExprKind::Cast { ty: to, .. } => self.cast(&ty, *to, at, expr.span),
                 ExprKind::Access { field, .. } => self.access(&ty, field, at, expr.span),
                 _ => Type::Error,
@@ -91,9 +89,8 @@ impl<'a> Body<'a> {
                 self.emit(Instruction::Cast { from: from.clone(), to: to.clone() }, span);
             }
             _ => {
-                let mut diagnostic =
-                    Diagnostic::new(Code::E0408, span, format!("`{from}` cannot be cast to `{to}`"))
-                        .note("casts exist between real and int, from bool to int and real, and from int to bool");
+                let mut diagnostic = Diagnostic::new(Code::E0408, span, format!("`{from}` cannot be cast to `{to}`"))
+                    .note("casts exist between real and int, from bool to int and real, and from int to bool");
                 if let Some(mend) = self.mend(value, from, &to) {
                     diagnostic = diagnostic.help(mend);
                 }
@@ -129,7 +126,9 @@ impl<'a> Body<'a> {
             Type::Vector(n) => format!("`{base}` has the components {}", fields(usize::from(*n))),
             Type::Matrix { columns, .. } => format!("`{base}` has the columns {}", fields(usize::from(*columns))),
             Type::Quat => format!("`quat` has the components {}", fields(4)),
-            Type::Tuple(elements) => format!("`{base}` has the elements `.0` to `.{}`", elements.len().saturating_sub(1)),
+            Type::Tuple(elements) => {
+                format!("`{base}` has the elements `.0` to `.{}`", elements.len().saturating_sub(1))
+            }
             Type::Csg => "csg has no components".to_owned(),
             _ => format!("`{base}` has no components"),
         };

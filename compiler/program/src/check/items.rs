@@ -16,7 +16,7 @@ use super::{
 use crate::{
     Type,
     load::Module,
-    names::{self, Callee, Lookup, Place},
+    names::{self, Callee, Lookup, Place, Repeated},
     typed::{self, Concept, ConceptId, Definition, DefinitionId, Function, FunctionId, Impl, ImplId, Param},
 };
 
@@ -193,16 +193,17 @@ fn attributes(modules: &[Module], place: Place, report: &mut Report) {
         };
         if !known {
             let message = format!("the attribute `{}` means nothing here and is ignored", attribute.name.text);
-            report.push(Diagnostic::new(Code::W0901, attribute.span, message).help(
-                "there are `#[no_inline()]` for functions and `#[define(no_identity)]` for operations",
-            ));
+            report.push(
+                Diagnostic::new(Code::W0901, attribute.span, message)
+                    .help("there are `#[no_inline()]` for functions and `#[define(no_identity)]` for operations"),
+            );
         }
     }
 }
 
 /// A concept of the program with the name and types of a library's is that concept (LANGUAGE 10.5).
 fn unify(world: &mut World, report: &mut Report) {
-    for (name, own, others) in world.names.repeated_concepts() {
+    for Repeated { name, own, others } in world.names.repeated_concepts() {
         let mut chosen: Option<ConceptId> = None;
         for (space, other) in others {
             let get = |id: ConceptId| world.program.concepts.get(id.0 as usize);
@@ -352,10 +353,7 @@ fn impl_body(world: &World, place: Place, report: &mut Report) -> Option<(Impl, 
                 .help("remove the operands, or declare it as an `operation`"),
         );
     }
-    let sources = concept_of.map_or_else(
-        || vec![Type::Error; args.len()],
-        |c| sources(c, concept, args, report),
-    );
+    let sources = concept_of.map_or_else(|| vec![Type::Error; args.len()], |c| sources(c, concept, args, report));
     let mut body = Body::new(world, tree, space, report);
     body.lenient = definition.is_none() || concept_of.is_some_and(|_| sources.len() != args.len());
     for (name, ty) in args.iter().zip(&sources) {
@@ -406,41 +404,47 @@ fn sources(concept: &Concept, name: &Ident, args: &[Ident], report: &mut Report)
     report.push(
         Diagnostic::new(Code::E0611, args.first().map_or(name.span, |a| a.span), message)
             .label(concept.span, "the concept")
-            .help(format!("write `impl … for {}{}`", concept.name, match &concept.source {
-                Type::Tuple(elements) if elements.is_empty() => "",
-                _ => "(p)",
-            })),
+            .help(format!(
+                "write `impl … for {}{}`",
+                concept.name,
+                match &concept.source {
+                    Type::Tuple(elements) if elements.is_empty() => "",
+                    _ => "(p)",
+                }
+            )),
     );
     vec![Type::Error; args.len()]
 }
 
-/// The [24] exports without a written result, callees before callers.
+/// The \[24\] exports without a written result, callees before callers.
 fn inferred(world: &World) -> Vec<usize> {
     let without = |place: &Place| {
         let item = at(world.modules, *place).map(|(_, item)| &item.kind);
         matches!(item, Some(ItemKind::Function { result: None, define: false, .. }))
     };
     let places = &world.names.functions;
-    let members: Vec<usize> =
-        places.iter().enumerate().filter(|(_, p)| without(p)).map(|(i, _)| i).collect();
+    let members: Vec<usize> = places.iter().enumerate().filter(|(_, p)| without(p)).map(|(i, _)| i).collect();
     if members.is_empty() {
         return members;
     }
     let mut callees: FxHashMap<usize, Vec<usize>> = FxHashMap::default();
-    for member in &members {
-        let Some(place) = places.get(*member) else { continue };
-        let Some((tree, item)) = at(world.modules, *place) else { continue };
-        let space = world.names.space(place.module);
-        let calls = tree.exprs.iter().filter(|e| e.span.start >= item.span.start && e.span.end <= item.span.end);
-        let names = calls.filter_map(|e| match &e.kind {
-            ExprKind::Call { callee, .. } => Some(callee.text.as_str()),
-            _ => None,
-        });
-        let targets = names.filter_map(|name| match world.names.callee(space, name) {
-            Lookup::Found(Callee::Function(id)) => Some(id.0 as usize).filter(|i| members.binary_search(i).is_ok()),
-            _ => None,
-        });
-        callees.insert(*member, targets.collect());
+    for (index, module) in world.modules.iter().enumerate() {
+        let inside = members.iter().filter_map(|m| Some((*m, places.get(*m).filter(|p| p.module == index)?)));
+        // Items stand in source order, so their places are sorted.
+        let spans: Vec<(usize, Span)> =
+            inside.filter_map(|(m, p)| Some((m, module.tree.items.get(p.item)?.span))).collect();
+        let space = world.names.space(index);
+        for expr in module.tree.exprs.iter().filter(|_| !spans.is_empty()) {
+            let ExprKind::Call { callee, .. } = &expr.kind else { continue };
+            let after = spans.partition_point(|(_, span)| span.start <= expr.span.start);
+            let caller = after.checked_sub(1).and_then(|at| spans.get(at)).filter(|(_, s)| expr.span.end <= s.end);
+            if let Some((caller, _)) = caller
+                && let Lookup::Found(Callee::Function(id)) = world.names.callee(space, &callee.text)
+                && members.binary_search(&(id.0 as usize)).is_ok()
+            {
+                callees.entry(*caller).or_default().push(id.0 as usize);
+            }
+        }
     }
     after_callees(&members, &callees)
 }

@@ -22,7 +22,7 @@ impl<'a> Body<'a> {
         let size = u8::try_from(elements.len()).ok().filter(|n| (2..=4).contains(n));
         let element = types.first().cloned().unwrap_or(Type::Error);
         if let Some(at) = types.iter().position(|t| *t != element || !matches!(t, Type::Real | Type::Vector(_))) {
-            self.bad_element(elements, &types, at, span);
+            self.bad_element(elements, &types, at);
             return Type::Error;
         }
         let Some(size) = size else {
@@ -32,14 +32,18 @@ impl<'a> Body<'a> {
                     span,
                     format!("a list has 2 to 4 elements, this one has {}", elements.len()),
                 )
-                .help(if elements.len() == 1 { "write the element without brackets" } else { "use a tuple: `(a, b, …)`" }),
+                .help(if elements.len() == 1 {
+                    "write the element without brackets"
+                } else {
+                    "use a tuple: `(a, b, …)`"
+                }),
             );
             return Type::Error;
         };
         listed(&element, size)
     }
 
-    fn bad_element(&mut self, elements: &[ExprId], types: &[Type], at: usize, span: Span) {
+    fn bad_element(&mut self, elements: &[ExprId], types: &[Type], at: usize) {
         let (Some(id), Some(ty), Some(first)) = (elements.get(at), types.get(at), types.first()) else { return };
         let fits = matches!(ty, Type::Real | Type::Vector(_));
         let message = if fits {
@@ -47,8 +51,7 @@ impl<'a> Body<'a> {
         } else {
             format!("a list cannot hold a value of type `{ty}`")
         };
-        let place = if fits { self.expr_span(*id) } else { elements.get(at).map_or(span, |e| self.expr_span(*e)) };
-        let mut diagnostic = Diagnostic::new(Code::E0405, place, message)
+        let mut diagnostic = Diagnostic::new(Code::E0405, self.expr_span(*id), message)
             .here(format!("this is `{ty}`"))
             .note("a list holds 2 to 4 reals (a vector), or 2 to 4 vectors of one size (the columns of a matrix)");
         if let Some(first_id) = elements.first().filter(|_| fits && at > 0) {
@@ -114,9 +117,13 @@ impl<'a> Body<'a> {
         let limit = self.world.limits.export_scalars;
         if u64::from(ty.len()) > limit {
             self.error(
-                Diagnostic::new(Code::E1010, span, format!("this tuple holds {}", counted(ty.len() as usize, "scalar")))
-                    .note(format!("the limit `export_scalars` is {limit}"))
-                    .help("use smaller tuples, or raise the limit `export_scalars`"),
+                Diagnostic::new(
+                    Code::E1010,
+                    span,
+                    format!("this tuple holds {}", counted(ty.len() as usize, "scalar")),
+                )
+                .note(format!("the limit `export_scalars` is {limit}"))
+                .help("use smaller tuples, or raise the limit `export_scalars`"),
             );
             return Type::Error;
         }

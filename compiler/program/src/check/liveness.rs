@@ -57,8 +57,12 @@ enum Open {
         /// The first side's value.
         value: Option<Value>,
     },
-    For { carried: Vec<(Slot, Value)> },
-    Block { before: Vec<(Slot, Value)> },
+    For {
+        carried: Vec<(Slot, Value)>,
+    },
+    Block {
+        before: Vec<(Slot, Value)>,
+    },
 }
 
 struct Flow<'a> {

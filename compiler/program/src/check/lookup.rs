@@ -27,14 +27,7 @@ impl<'a> World<'a> {
         self.found(found, space, name, Kind::Definition, report)
     }
 
-    fn found<T>(
-        &self,
-        found: Lookup<T>,
-        space: usize,
-        name: &'a Ident,
-        kind: Kind,
-        report: &mut Report,
-    ) -> Option<T> {
+    fn found<T>(&self, found: Lookup<T>, space: usize, name: &'a Ident, kind: Kind, report: &mut Report) -> Option<T> {
         match found {
             Lookup::Found(id) => Some(id),
             Lookup::Ambiguous(libraries) => {
@@ -69,7 +62,7 @@ impl<'a> World<'a> {
             candidates.extend(builtin_names());
         }
         match similar(text, candidates).as_slice() {
-            [] => match self.in_library(space, text, kind) {
+            [] => match self.names.elsewhere(space, text, kind) {
                 Some(library) => {
                     diagnostic.help(format!("the library `{library}` has one; import it with `module {library}::…;`"))
                 }
@@ -77,15 +70,6 @@ impl<'a> World<'a> {
             },
             near => diagnostic.help(format!("did you mean {}?", alternatives(near))),
         }
-    }
-
-    /// A loaded library that this name space does not import but that declares the name.
-    fn in_library(&self, space: usize, name: &str, kind: Kind) -> Option<&'a str> {
-        let spaces = 0..self.modules.len();
-        spaces.map(|m| self.names.space(m)).filter(|s| *s != space).find_map(|s| {
-            let has = self.names.candidates(s, kind).contains(&name);
-            self.names.library(s).filter(|_| has)
-        })
     }
 
     /// What else a name is, as a noun phrase.

@@ -13,7 +13,7 @@ impl Body<'_> {
     /// The source text of an expression, short enough for a sentence.
     pub fn quote(&self, id: ExprId) -> String {
         let text = self.text(self.expr_span(id));
-        if text.is_empty() || text.contains('\n') || text.chars().count() > LONGEST {
+        if text.is_empty() || text.len() > 4 * LONGEST || text.contains('\n') || text.chars().count() > LONGEST {
             return "…".to_owned();
         }
         text.to_owned()

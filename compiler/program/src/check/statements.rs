@@ -67,9 +67,9 @@ impl<'a> Body<'a> {
                 StmtKind::For { counter, lo, hi, body } => self.for_loop(counter, *lo, *hi, *body, statement.span),
                 StmtKind::If(id) => self.if_statement(*id),
                 StmtKind::Expr(id) => self.dropped(*id),
-                StmtKind::Empty => self.error(
-                    Diagnostic::new(Code::W0501, statement.span, "empty statement").help("remove the `;`"),
-                ),
+                StmtKind::Empty => {
+                    self.error(Diagnostic::new(Code::W0501, statement.span, "empty statement").help("remove the `;`"))
+                }
             }
         }
     }
@@ -239,6 +239,8 @@ impl<'a> Body<'a> {
                 None => diagnostic.help("define a variable of its own with `let`"),
             };
             self.error(diagnostic);
+            // Which of both types is meant is unknown, so later uses are not judged.
+            self.poison(variable.slot);
             return;
         }
         self.error(

@@ -9,7 +9,8 @@ use isograd_syntax::{
 use super::{Report, tree};
 use crate::{Type, suggest::similar};
 
-const SUPPORTED: &str = "supported are real, int, bool, vec2 to vec4, mat2 to mat4, mat2x3 and the like, quat, tuples and csg";
+const SUPPORTED: &str =
+    "supported are real, int, bool, vec2 to vec4, mat2 to mat4, mat2x3 and the like, quat, tuples and csg";
 
 /// The words of the type language, for suggestions.
 const WORDS: [&str; 12] =

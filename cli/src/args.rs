@@ -1,0 +1,213 @@
+//! The command line: every command and flag, declared once. Knows what may be written, not what it does.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::builder::PossibleValuesParser;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use isograd_compiler::{Precision, Query, STEPS};
+
+/// Compiles distance fields written in Vola and evaluates them with their derivatives.
+///
+/// Exit codes: 0 success, 1 the program or the data is wrong, 2 wrong usage.
+#[derive(Debug, Parser)]
+#[command(name = "isograd", version, max_term_width = 120)]
+pub struct Isograd {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Report what is wrong with a program.
+    Check(Check),
+    /// Compile exports to WebAssembly, or show what a step of the compiler makes of them.
+    Compile(Compile),
+    /// Evaluate an export, or its derivatives, at points.
+    #[command(after_help = "\
+Examples:
+  isograd eval ball.vola --args 1,2,3 --query value --query 'gradient(at)'
+  isograd eval ball.vola --points points.csv --set radius=0.5 --format csv")]
+    Eval(Eval),
+    /// Serve the HTTP API.
+    Serve(Serve),
+}
+
+/// External modules.
+#[derive(Debug, Args)]
+pub struct External {
+    /// Register a directory as a library, so that `module NAME::file;` finds it. May be repeated.
+    #[arg(long = "library", value_name = "NAME=DIR", value_parser = library)]
+    pub libraries: Vec<(String, PathBuf)>,
+}
+
+/// `isograd check`
+#[derive(Debug, Args)]
+pub struct Check {
+    /// The program's entry file.
+    pub file: PathBuf,
+    /// Write the diagnostics as JSON to the standard output.
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub external: External,
+}
+
+/// `isograd compile`
+#[derive(Debug, Args)]
+pub struct Compile {
+    /// The program's entry file.
+    pub file: PathBuf,
+    /// Compile this export only; without it, every export.
+    #[arg(long, value_name = "NAME")]
+    pub export: Option<String>,
+    /// What to compute: `value` (the default), `gradient(PARAMETER)` or `hessian(PARAMETER)`. May be repeated.
+    #[arg(long = "query", value_name = "QUERY", value_parser = query)]
+    pub queries: Vec<Query>,
+    /// What to compile to.
+    #[arg(long, value_enum, default_value_t = TargetName::Wasm)]
+    pub target: TargetName,
+    /// The precision of `real`.
+    #[arg(long, value_enum, default_value_t = PrecisionName::F32)]
+    pub precision: PrecisionName,
+    /// Print what a step of the compiler leaves instead of writing a module. `tree` is parse, `program` is check,
+    /// `graph` is optimise, `wat` is emit.
+    #[arg(long, value_name = "STEP", value_parser = PossibleValuesParser::new(emittable()))]
+    pub emit: Option<String>,
+    /// Print how long each step took.
+    #[arg(long)]
+    pub timings: bool,
+    /// Write to this file; `-` is the standard output.
+    #[arg(short = 'o', value_name = "FILE", conflicts_with = "out_dir")]
+    pub output: Option<PathBuf>,
+    /// Write EXPORT.wasm for each export into this directory; by default the current one.
+    #[arg(long, value_name = "DIR", conflicts_with = "emit")]
+    pub out_dir: Option<PathBuf>,
+    #[command(flatten)]
+    pub external: External,
+}
+
+/// `isograd eval`
+#[derive(Debug, Args)]
+pub struct Eval {
+    /// The program's entry file.
+    pub file: PathBuf,
+    /// The export to evaluate; may be left out if there is one.
+    #[arg(long, value_name = "NAME")]
+    pub export: Option<String>,
+    /// One point: all parameters flattened, `x,y,z,…`. May be repeated.
+    #[arg(long, value_name = "A,B,…", allow_hyphen_values = true, conflicts_with_all = ["points", "set"])]
+    pub args: Vec<String>,
+    /// Points as CSV, `-` for the standard input. The header names scalars of parameters: `at.x,at.y,at.z`.
+    #[arg(long, value_name = "FILE")]
+    pub points: Option<PathBuf>,
+    /// The value of a parameter that is the same at all points. May be repeated.
+    #[arg(long, value_name = "NAME=A,B,…", value_parser = assignment)]
+    pub set: Vec<(String, String)>,
+    /// What to compute: `value` (the default), `gradient(PARAMETER)` or `hessian(PARAMETER)`. May be repeated.
+    #[arg(long = "query", value_name = "QUERY", value_parser = query)]
+    pub queries: Vec<Query>,
+    /// The precision of `real`.
+    #[arg(long, value_enum, default_value_t = PrecisionName::F32)]
+    pub precision: PrecisionName,
+    /// How to write the results.
+    #[arg(long, value_enum, default_value_t = Format::Table)]
+    pub format: Format,
+    /// Give up after this many seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..))]
+    pub deadline: u64,
+    #[command(flatten)]
+    pub external: External,
+}
+
+/// `isograd serve`
+#[derive(Debug, Args)]
+pub struct Serve {
+    /// Where to listen; port 0 takes any free one.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8787")]
+    pub listen: SocketAddr,
+    /// The directory that keeps posted programs.
+    #[arg(long, value_name = "DIR", default_value = "store")]
+    pub store: PathBuf,
+    #[command(flatten)]
+    pub external: External,
+}
+
+/// How results are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Aligned columns for reading, the inputs beside the results.
+    Table,
+    /// One object, as from the HTTP API.
+    Json,
+    /// A header and one row per point, in the order of the points.
+    Csv,
+}
+
+/// The precision of `real`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PrecisionName {
+    /// Single.
+    F32,
+    /// Double.
+    F64,
+}
+
+impl From<PrecisionName> for Precision {
+    fn from(name: PrecisionName) -> Self {
+        match name {
+            PrecisionName::F32 => Self::F32,
+            PrecisionName::F64 => Self::F64,
+        }
+    }
+}
+
+/// What can be compiled to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TargetName {
+    /// WebAssembly with 128-bit SIMD.
+    Wasm,
+}
+
+/// Other names of steps.
+const ALIASES: [(&str, &str); 4] = [("tree", "parse"), ("program", "check"), ("graph", "optimise"), ("wat", "emit")];
+
+/// What `--emit` takes.
+fn emittable() -> Vec<&'static str> {
+    std::iter::once("parse").chain(STEPS.iter().copied()).chain(ALIASES.map(|(alias, _)| alias)).collect()
+}
+
+/// The step that a name stands for.
+pub fn step(name: &str) -> &str {
+    ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |(_, step)| step)
+}
+
+fn query(text: &str) -> Result<Query, String> {
+    text.parse::<Query>().map_err(|e| e.to_string())
+}
+
+fn library(text: &str) -> Result<(String, PathBuf), String> {
+    match assignment(text)? {
+        (name, _) if !is_identifier(&name) => Err(format!("`{name}` cannot stand in `module {name}::…;`")),
+        (name, directory) => {
+            let directory = PathBuf::from(directory);
+            if directory.is_dir() { Ok((name, directory)) } else { Err("there is no such directory".to_owned()) }
+        }
+    }
+}
+
+fn is_identifier(name: &str) -> bool {
+    let mut characters = name.chars();
+    characters.next().is_some_and(|c| c.is_alphabetic() || c == '_')
+        && characters.all(|c| c.is_alphanumeric() || c == '_')
+        && !matches!(name, "self" | "super")
+}
+
+fn assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
+        _ => Err("expected a name, `=` and a value".to_owned()),
+    }
+}

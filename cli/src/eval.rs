@@ -1,0 +1,60 @@
+//! `isograd eval`: an export at points, as a table, JSON or CSV. Knows the order of the steps, none of their content.
+
+use std::io::{BufWriter, Write, stdout};
+use std::time::Duration;
+
+use isograd_compiler::{Options, Query, Request, compile};
+use isograd_server::evaluate::{EvaluateError, load, run as evaluate, set_rates};
+use isograd_server::{Stopwatch, select};
+
+use crate::args::{Eval, Format};
+use crate::{Failure, files, inputs, report, table};
+
+/// Runs the command.
+pub fn run(args: &Eval) -> Result<(), Failure> {
+    let options = Options::default();
+    let watch = Stopwatch::start(&options.limits);
+    let checked = files::load_sound(&args.file, &args.external, &options, &watch)?;
+    let exports = checked.exports();
+    let export = select::export(&exports, args.export.as_deref()).map_err(|e| Failure::Wrong(e.0))?;
+    let queries = if args.queries.is_empty() { vec![Query::Value] } else { args.queries.clone() };
+    select::known(export, &queries).map_err(|e| Failure::Wrong(e.0))?;
+    let inputs = inputs::gather(args, export)?;
+
+    let mut request =
+        Request { export: export.name.clone(), queries, precision: args.precision.into(), ..Request::default() };
+    set_rates(&mut request, export, &inputs);
+    watch.renew(&options.limits);
+    let artefact = compile(&checked, &request, &options, &watch).map_err(|diagnostics| {
+        report::diagnostics(&diagnostics, &checked.files);
+        Failure::Reported
+    })?;
+    report::diagnostics(&artefact.warnings, &checked.files);
+
+    let deadline = Some(Duration::from_secs(args.deadline));
+    let outputs = load(&artefact)
+        .and_then(|kernel| evaluate(&kernel, &inputs, deadline))
+        .map_err(|error| Failure::Wrong(explain(&error, args.deadline)))?;
+
+    let mut out = BufWriter::with_capacity(1 << 16, stdout().lock());
+    match args.format {
+        Format::Table => table::write_table(&mut out, export, inputs, outputs)?,
+        Format::Csv => table::write_csv(&mut out, &outputs)?,
+        Format::Json => {
+            outputs.write_json(&mut out)?;
+            out.write_all(b"\n")?;
+        }
+    }
+    Ok(out.flush()?)
+}
+
+fn explain(error: &EvaluateError, deadline: u64) -> String {
+    match error {
+        EvaluateError::Deadline => format!(
+            "the evaluation took longer than {deadline} s; ask for fewer points, shorten the program's loops, or allow \
+             more time with `--deadline`"
+        ),
+        EvaluateError::Refused(why) => why.clone(),
+        EvaluateError::Internal(why) => format!("the evaluation failed, which is a mistake of isograd: {why}"),
+    }
+}

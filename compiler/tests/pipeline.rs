@@ -1,0 +1,138 @@
+//! The pipeline from source to module: its steps, its ids, and what it says of bad requests.
+
+use isograd_compiler::{
+    Checked, Code, MemoryLoader, Options, Query, Rate, Request, STEPS, Unwatched, Watch, check, compile, print_step,
+};
+use std::cell::RefCell;
+
+const SPHERE: &str = "
+module std::sphere;
+/// A ball.
+export fn field(at: vec3, radius: real) -> real {
+    csg ball = Sphere(radius);
+    eval ball.Sdf3d(at)
+}
+";
+
+fn checked(source: &str) -> Checked {
+    check("main.vola", source.into(), &MemoryLoader::default(), &options(), &Unwatched)
+}
+
+fn options() -> Options {
+    Options { verify: true, ..Options::default() }
+}
+
+fn request(queries: &[&str]) -> Request {
+    Request {
+        export: "field".into(),
+        queries: queries.iter().map(|q| q.parse().unwrap()).collect(),
+        ..Request::default()
+    }
+}
+
+#[test]
+fn a_sphere_compiles_with_its_gradient() {
+    let program = checked(SPHERE);
+    assert!(program.is_ok(), "{:?}", program.diagnostics);
+    let export = &program.exports()[0];
+    assert_eq!((export.name.as_str(), export.doc.as_deref()), ("field", Some("A ball.")));
+    let artefact =
+        compile(&program, &request(&["value", "gradient(at)", "hessian(at)"]), &options(), &Unwatched).unwrap();
+    let manifest = &artefact.manifest;
+    let names = |i: usize| manifest.outputs[i].columns.iter().map(|c| c.name.as_str()).collect::<Vec<_>>();
+    assert_eq!(manifest.outputs[0].ty, "real");
+    assert_eq!((manifest.outputs[1].ty.as_str(), names(1)), ("vec3", vec!["at.x", "at.y", "at.z"]));
+    assert_eq!((manifest.outputs[2].ty.as_str(), names(2)[1]), ("mat3", "at.y/at.x"));
+    assert_eq!(manifest.inputs[0].rate, Rate::Varying);
+    assert_eq!(manifest.inputs[1].rate, Rate::Uniform);
+    // The file alone is enough to call it.
+    let text = serde_json::to_vec(manifest).unwrap();
+    assert!(artefact.bytes.windows(text.len()).any(|w| w == text), "the manifest is in the module");
+}
+
+#[test]
+fn every_step_is_announced_in_order_and_can_be_printed() {
+    struct Recorder(RefCell<Vec<&'static str>>);
+    impl Watch for Recorder {
+        fn step(&self, name: &'static str) {
+            self.0.borrow_mut().push(name);
+        }
+    }
+    let recorder = Recorder(RefCell::default());
+    let program = check("main.vola", SPHERE.into(), &MemoryLoader::default(), &options(), &recorder);
+    compile(&program, &request(&["value"]), &options(), &recorder).unwrap();
+    assert_eq!(*recorder.0.borrow(), STEPS);
+    for step in STEPS {
+        let text = print_step(&program, &request(&["gradient(at)"]), step, &options(), &Unwatched).unwrap();
+        assert!(!text.is_empty(), "{step}");
+    }
+    assert!(print_step(&program, &request(&["value"]), "nonsense", &options(), &Unwatched).is_err());
+}
+
+#[test]
+fn the_gradient_of_a_sphere_has_few_nodes() {
+    let program = checked(SPHERE);
+    let text = print_step(&program, &request(&["gradient(at)"]), "optimise", &options(), &Unwatched).unwrap();
+    let nodes = text.lines().filter(|l| l.contains(" = ")).count();
+    // The thesis needs 20 (fig. 4.8).
+    assert!(nodes <= 20, "{nodes} nodes:\n{text}");
+}
+
+#[test]
+fn derivatives_of_loops_do_not_grow_with_the_trip_count() {
+    let size = |n: u32| {
+        let source =
+            format!("export fn field(x: real) -> real {{ let y = 1.0; for i in 0..{n} {{ y = y * x + 0.5; }} y }}");
+        let program = checked(&source);
+        let request = Request { queries: vec![Query::Gradient("x".into())], ..request(&["value"]) };
+        print_step(&program, &request, "optimise", &options(), &Unwatched).unwrap().lines().count()
+    };
+    assert_eq!(size(10), size(10_000));
+}
+
+#[test]
+fn every_field_of_a_request_changes_its_id() {
+    let program = checked(SPHERE);
+    let id =
+        |program: &Checked, request: &Request| compile(program, request, &options(), &Unwatched).unwrap().manifest.id;
+    let plain = request(&["value"]);
+    let mut ids = vec![id(&program, &plain)];
+    assert_eq!(ids[0], id(&checked(SPHERE), &plain), "the same request has the same id");
+    ids.push(id(&program, &request(&["gradient(at)"])));
+    ids.push(id(&program, &Request { precision: isograd_compiler::Precision::F64, ..plain.clone() }));
+    ids.push(id(&program, &Request { rates: [("radius".into(), Rate::Varying)].into(), ..plain.clone() }));
+    ids.push(id(&checked(&SPHERE.replace("ball.", " ball.")), &plain));
+    let count = ids.len();
+    ids.sort();
+    ids.dedup();
+    assert_eq!(ids.len(), count);
+}
+
+#[test]
+fn bad_requests_say_what_exists() {
+    let program = checked(SPHERE);
+    let refuse = |request: Request| {
+        let diagnostics = compile(&program, &request, &options(), &Unwatched).unwrap_err();
+        assert_eq!(diagnostics[0].code, Code::E1102);
+        format!("{} {}", diagnostics[0].message, diagnostics[0].help.as_deref().unwrap_or(""))
+    };
+    assert!(refuse(Request { export: "nothing".into(), ..request(&["value"]) }).contains("`field`"));
+    assert!(refuse(request(&["gradient(size)"])).contains("`radius`"));
+    assert!(refuse(request(&["value", "value"])).contains("twice"));
+    assert!(refuse(request(&[])).contains("no query"));
+    assert!(refuse(Request { rates: [("r".into(), Rate::Varying)].into(), ..request(&["value"]) }).contains("`at`"));
+    assert!("gradient".parse::<Query>().is_err());
+}
+
+#[test]
+fn limits_of_derivatives_are_diagnostics() {
+    let program = checked(SPHERE);
+    let mut options = options();
+    options.limits.derived_nodes = 20;
+    let diagnostics = compile(&program, &request(&["hessian(at)"]), &options, &Unwatched).unwrap_err();
+    assert_eq!(diagnostics[0].code, Code::E1008);
+    options = self::options();
+    options.limits.diff_order = 1;
+    let diagnostics = compile(&program, &request(&["hessian(at)"]), &options, &Unwatched).unwrap_err();
+    assert_eq!(diagnostics[0].code, Code::E1009);
+}

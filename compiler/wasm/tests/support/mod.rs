@@ -1,0 +1,197 @@
+//! Runs emitted modules in wasmtime and compares them bit for bit with the reference evaluator.
+
+#![allow(dead_code, clippy::pedantic, reason = "shared by several test programs, of which each uses a part")]
+
+use std::sync::OnceLock;
+
+use isograd_graph::{Builder, Evaluator, Mode, Precision, Scalar, Unwatched, Value, Verified, verify};
+use isograd_wasm::{Layout, Module, Options, Slot, Vectors, emit};
+use wasmtime::{Config, Engine, Instance, Memory, OptLevel, Store, TypedFunc};
+
+pub const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
+pub const VECTORS: [Option<Vectors>; 4] = [None, Some(Vectors::One), Some(Vectors::Two), Some(Vectors::Four)];
+
+/// A deterministic generator (splitmix64).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.next() % n as u64) as usize
+    }
+
+    pub fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// A value of a kind, often a special one.
+    pub fn value(&mut self, scalar: Scalar) -> Value {
+        const REALS: [f64; 22] = [
+            0.0,
+            -0.0,
+            1.0,
+            -1.0,
+            0.5,
+            -0.5,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::NAN,
+            1e-40,
+            -1e-40,
+            5e-324,
+            -5e-324,
+            1e-310,
+            3.4e38,
+            1.7e308,
+            f64::MIN_POSITIVE,
+            f32::MIN_POSITIVE as f64,
+            2147483647.0,
+            -2147483648.0,
+            4294967296.0,
+            -1e30,
+        ];
+        const INTS: [i32; 10] = [0, 1, -1, 2, -2, i32::MIN, i32::MAX, i32::MIN + 1, 65536, 31];
+        match scalar {
+            Scalar::Real if self.below(3) == 0 => Value::Real(REALS[self.below(REALS.len())]),
+            Scalar::Real if self.below(5) == 0 => Value::Real(f64::from_bits(self.next())),
+            Scalar::Real => Value::Real(self.unit() * 200.0 - 100.0),
+            Scalar::Int if self.below(2) == 0 => Value::Int(INTS[self.below(INTS.len())]),
+            Scalar::Int if self.below(3) == 0 => Value::Int(self.next() as i32),
+            Scalar::Int => Value::Int(self.below(21) as i32 - 10),
+            Scalar::Bool => Value::Bool(self.below(2) == 0),
+        }
+    }
+}
+
+/// Builds and verifies a graph.
+pub fn graph(precision: Precision, build: impl FnOnce(&mut Builder<'_>)) -> Verified {
+    let mut builder = Builder::new(Mode::Real(precision), 1_000_000, &Unwatched);
+    build(&mut builder);
+    verify(builder.finish().expect("within budget")).expect("well formed")
+}
+
+fn engine(level: OptLevel) -> &'static Engine {
+    static NONE: OnceLock<Engine> = OnceLock::new();
+    static SPEED: OnceLock<Engine> = OnceLock::new();
+    let place = if matches!(level, OptLevel::None) { &NONE } else { &SPEED };
+    place.get_or_init(|| Engine::new(Config::new().cranelift_opt_level(level)).expect("an engine"))
+}
+
+/// A module that runs.
+pub struct Running {
+    pub layout: Layout,
+    store: Store<()>,
+    memory: Memory,
+    eval: TypedFunc<i32, ()>,
+}
+
+impl Running {
+    pub fn new(module: &Module, level: OptLevel) -> Self {
+        wasmparser::validate(&module.bytes).expect("valid WebAssembly");
+        let engine = engine(level);
+        let compiled = wasmtime::Module::new(engine, &module.bytes).expect("compiles");
+        assert_eq!(compiled.imports().count(), 0);
+        let mut store = Store::new(engine, ());
+        let instance = Instance::new(&mut store, &compiled, &[]).expect("an instance");
+        let memory = instance.get_memory(&mut store, "memory").expect("memory");
+        let eval = instance.get_typed_func(&mut store, "eval").expect("eval");
+        instance.get_typed_func::<(), ()>(&mut store, "point").expect("point");
+        assert_eq!(memory.data_size(&store), module.layout.memory as usize);
+        Self { layout: module.layout.clone(), store, memory, eval }
+    }
+
+    pub fn write(&mut self, slot: Slot, index: usize, value: Value) {
+        let size = slot.element(self.layout.precision) as usize;
+        let at = slot.offset as usize + if slot.varying { index * size } else { 0 };
+        let place = &mut self.memory.data_mut(&mut self.store)[at..at + size];
+        match value {
+            Value::Real(x) if size == 4 => place.copy_from_slice(&(x as f32).to_le_bytes()),
+            Value::Real(x) => place.copy_from_slice(&x.to_le_bytes()),
+            Value::Int(x) => place.copy_from_slice(&x.to_le_bytes()),
+            Value::Bool(x) => place.copy_from_slice(&i32::from(x).to_le_bytes()),
+        }
+    }
+
+    pub fn read(&self, slot: Slot, index: usize) -> Value {
+        let size = slot.element(self.layout.precision) as usize;
+        let at = slot.offset as usize + index * size;
+        let bytes = &self.memory.data(&self.store)[at..at + size];
+        match (slot.scalar, size) {
+            (Scalar::Real, 4) => {
+                let x = f32::from_le_bytes(bytes.try_into().unwrap());
+                assert!(!x.is_nan() || x.to_bits() == u32::MAX, "a NaN that is not canonical");
+                Value::Real(f64::from(x))
+            }
+            (Scalar::Real, _) => {
+                let x = f64::from_le_bytes(bytes.try_into().unwrap());
+                assert!(!x.is_nan() || x.to_bits() == u64::MAX, "a NaN that is not canonical");
+                Value::Real(x)
+            }
+            (Scalar::Int, _) => Value::Int(i32::from_le_bytes(bytes.try_into().unwrap())),
+            (Scalar::Bool, _) => match i32::from_le_bytes(bytes.try_into().unwrap()) {
+                0 => Value::Bool(false),
+                1 => Value::Bool(true),
+                other => panic!("a bool stored as {other}"),
+            },
+        }
+    }
+
+    /// Runs points (each the values of all inputs) and gives their outputs. Pads with the last.
+    pub fn run(&mut self, points: &[Vec<Value>]) -> Vec<Vec<Value>> {
+        let (block, pad) = (self.layout.block as usize, self.layout.pad as usize);
+        assert!(points.len() <= block);
+        for (k, slot) in self.layout.inputs.clone().into_iter().enumerate() {
+            for i in 0..points.len().next_multiple_of(pad) {
+                self.write(slot, i, points[i.min(points.len() - 1)][k]);
+            }
+        }
+        self.eval.call(&mut self.store, points.len() as i32).expect("no trap");
+        let outputs = self.layout.outputs.clone();
+        (0..points.len()).map(|i| outputs.iter().map(|slot| self.read(*slot, i)).collect()).collect()
+    }
+}
+
+/// Compares module and evaluator on the points, with these inputs varying, for every number of vectors.
+pub fn compare(graph: &Verified, varying: &[bool], points: &[Vec<Value>]) {
+    let precision = graph.precision.expect("a precision");
+    for vectors in VECTORS {
+        let options = Options { precision, varying, vectors };
+        let module = emit(graph, &options, b"{}").expect("emits");
+        for level in [OptLevel::None, OptLevel::Speed] {
+            compare_module(graph, &module, level, points);
+        }
+    }
+}
+
+fn compare_module(graph: &Verified, module: &Module, level: OptLevel, points: &[Vec<Value>]) {
+    let mut running = Running::new(module, level);
+    let mut evaluator = Evaluator::new(graph, module.layout.precision);
+    // Uniform inputs keep the value of the first point of a call.
+    for chunk in points.chunks(running.layout.block.min(37) as usize) {
+        let chunk: Vec<Vec<Value>> = chunk
+            .iter()
+            .map(|point| {
+                let slots = running.layout.inputs.iter().enumerate();
+                slots.map(|(k, slot)| if slot.varying { point[k] } else { chunk[0][k] }).collect()
+            })
+            .collect();
+        let got = running.run(&chunk);
+        for (point, got) in chunk.iter().zip(got) {
+            let want = evaluator.run(point).expect("ends");
+            let same = want.iter().zip(&got).all(|(a, b)| a.same_bits(*b));
+            assert!(
+                same,
+                "{level:?} {:?} at {point:?}: {want:?}, but the module computes {got:?}\n{}",
+                module.layout.pad,
+                isograd_graph::print(graph)
+            );
+        }
+    }
+}

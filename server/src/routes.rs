@@ -1,0 +1,345 @@
+//! The routes: what comes in by HTTP, what goes out. Thin: each reads its request, calls a function on a worker and
+//! answers with what it gives.
+
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::error::Error as _;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::{Path, RawQuery, Request, State};
+use axum::http::{HeaderValue, Method, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use isograd_compiler::{Files, Precision, Query, Rate, Request as Wanted};
+use serde::{Deserialize, de::DeserializeOwned};
+use serde_json::json;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::trace::TraceLayer;
+use tracing::error;
+
+use crate::evaluate::{self, EvaluateError};
+use crate::json_values::Named;
+use crate::limits::LimitValue;
+use crate::pool::Held;
+use crate::problem::{Kind, Problem};
+use crate::program::{Program, Source};
+use crate::select::{self, UnknownName};
+use crate::state::Service;
+use crate::values::{Inputs, Misfit};
+
+type Shared = State<Arc<Service>>;
+
+/// All routes over a service.
+pub fn router(service: Arc<Service>) -> Router {
+    Router::new()
+        .route("/v1/programs", post(post_program))
+        .route("/v1/programs/{id}", get(get_program))
+        .route("/v1/programs/{id}/evaluate", post(evaluate))
+        .route("/v1/programs/{id}/module.wasm", get(module))
+        .route("/health/live", get(live))
+        .route("/health/ready", get(ready))
+        .fallback(nothing_here)
+        .method_not_allowed_fallback(wrong_method)
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(TraceLayer::new_for_http())
+        .with_state(service)
+}
+
+/// The body of `POST /v1/programs`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Posted {
+    files: BTreeMap<String, String>,
+    entry: Option<String>,
+}
+
+async fn post_program(State(service): Shared, request: Request) -> Result<Response, Problem> {
+    let body = read_body(&service, request, service.limits.program_bytes()).await?;
+    let shared = Arc::clone(&service);
+    service.pool.run(move || keep(&shared, &body)).await
+}
+
+fn keep(service: &Service, body: &Held) -> Result<Response, Problem> {
+    let posted: Posted = read_json(&body.bytes)?;
+    let limit = service.limits.program_files();
+    if posted.files.len() as u64 > limit.value {
+        return Err(over(limit, "files", posted.files.len() as u64));
+    }
+    let limits = &service.options.limits;
+    let source = Source::new(posted.files, posted.entry.as_deref())
+        .map_err(|d| Problem::diagnostics(&d, &Files::default(), limits))?;
+    let program = service.check(source);
+    if program.has_errors() {
+        return Err(Problem::diagnostics(&program.diagnostics, &program.checked.files, limits));
+    }
+    let known = service.store.load(&program.id).is_ok();
+    if !known {
+        service.store.save(&program.source).map_err(|error| {
+            error!("cannot keep program {}: {error}", program.id);
+            Problem::new(Kind::Unavailable, format!("the store cannot be written: {error}"))
+        })?;
+    }
+    let status = if known { StatusCode::OK } else { StatusCode::CREATED };
+    let mut response = (status, axum::Json(program.json())).into_response();
+    if let Ok(location) = HeaderValue::from_str(&format!("/v1/programs/{}", program.id)) {
+        response.headers_mut().insert(header::LOCATION, location);
+    }
+    Ok(response)
+}
+
+async fn get_program(State(service): Shared, Path(id): Path<String>) -> Result<Response, Problem> {
+    let shared = Arc::clone(&service);
+    service.pool.run(move || Ok(axum::Json(shared.program(&id)?.json()).into_response())).await
+}
+
+/// The body of `POST /v1/programs/{id}/evaluate`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Evaluate {
+    export: Option<String>,
+    query: Option<Vec<String>>,
+    #[serde(default)]
+    inputs: Named,
+    precision: Option<String>,
+}
+
+async fn evaluate(State(service): Shared, Path(id): Path<String>, request: Request) -> Result<Response, Problem> {
+    let body = read_body(&service, request, service.limits.evaluate_bytes()).await?;
+    let shared = Arc::clone(&service);
+    service.pool.run(move || answer(&shared, &id, body)).await
+}
+
+fn answer(service: &Service, id: &str, body: Held) -> Result<Response, Problem> {
+    let program = service.program(id)?;
+    let asked: Evaluate = read_json(&body.bytes)?;
+    let mut wanted = wanted(service, &program, asked.export, asked.query.as_deref(), asked.precision.as_deref())?;
+    let exports = program.checked.exports();
+    let export = select::export(&exports, Some(&wanted.export))?;
+
+    let mut named = Vec::with_capacity(asked.inputs.0.len());
+    for (name, shaped) in asked.inputs.0 {
+        match export.parameters.iter().find(|p| p.name == name) {
+            Some(parameter) => named.push((name, shaped.values(parameter)?)),
+            None => {
+                let message = format!("`{}` has no parameter `{name}`; {}", export.name, crate::values::takes(export));
+                return Err(UnknownName(message).into());
+            }
+        }
+    }
+    let inputs = Inputs::of(export, named)?;
+    drop(body);
+
+    let points = service.limits.points();
+    if inputs.points as u64 > points.value {
+        return Err(over(points, "points", inputs.points as u64));
+    }
+    evaluate::set_rates(&mut wanted, export, &inputs);
+    let compiled = service.compiled(&program, &wanted)?;
+    let columns: usize = compiled.artefact.manifest.outputs.iter().map(|o| o.columns.len()).sum();
+    let scalars = (inputs.points as u64).saturating_mul(columns as u64);
+    let output_scalars = service.limits.output_scalars();
+    if scalars > output_scalars.value {
+        return Err(over(output_scalars, "numbers of results", scalars));
+    }
+    let limit = service.limits.evaluation_ms();
+    let outputs = compiled
+        .kernel()
+        .and_then(|kernel| evaluate::run(&kernel, &inputs, Some(Duration::from_millis(limit.value))))
+        .map_err(|error| failed(&error, limit))?;
+    let mut text = Vec::new();
+    outputs.write_json(&mut text).map_err(|error| Problem::new(Kind::Internal, error.to_string()))?;
+    Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response())
+}
+
+async fn module(
+    State(service): Shared,
+    Path(id): Path<String>,
+    RawQuery(query): RawQuery,
+) -> Result<Response, Problem> {
+    let shared = Arc::clone(&service);
+    service.pool.run(move || module_bytes(&shared, &id, query.as_deref().unwrap_or(""))).await
+}
+
+fn module_bytes(service: &Service, id: &str, query: &str) -> Result<Response, Problem> {
+    let (mut export, mut queries, mut precision) = (None, Vec::new(), None);
+    for (name, value) in form_urlencoded::parse(query.as_bytes()) {
+        let value = value.into_owned();
+        let before = match &*name {
+            "export" => export.replace(value),
+            "precision" => precision.replace(value),
+            "query" => {
+                queries.push(value);
+                None
+            }
+            _ => {
+                let message = format!("unknown field `{name}`, expected `export`, `query` or `precision`");
+                return Err(Problem::new(Kind::InvalidRequest, message));
+            }
+        };
+        if before.is_some() {
+            return Err(Problem::new(Kind::InvalidRequest, format!("`{name}` is given twice")));
+        }
+    }
+    let program = service.program(id)?;
+    let queries = if queries.is_empty() { None } else { Some(queries.as_slice()) };
+    let wanted = wanted(service, &program, export, queries, precision.as_deref())?;
+    let compiled = service.compiled(&program, &wanted)?;
+    let manifest = &compiled.artefact.manifest;
+    let disposition = format!("attachment; filename=\"{}.wasm\"", manifest.export);
+    let headers = [
+        (header::CONTENT_TYPE, "application/wasm".to_owned()),
+        (header::ETAG, format!("\"{}\"", manifest.id)),
+        (header::CONTENT_DISPOSITION, disposition),
+    ];
+    Ok((headers, compiled.artefact.bytes.clone()).into_response())
+}
+
+async fn live() -> Response {
+    axum::Json(json!({ "status": "live" })).into_response()
+}
+
+async fn ready(State(service): Shared) -> Result<Response, Problem> {
+    if service.stopping.load(Ordering::Relaxed) {
+        return Err(Problem::new(Kind::Unavailable, "the server is stopping"));
+    }
+    let shared = Arc::clone(&service);
+    let probed = tokio::task::spawn_blocking(move || shared.store.probe()).await;
+    let unwritable = match probed {
+        Ok(Ok(())) => return Ok(axum::Json(json!({ "status": "ready" })).into_response()),
+        Ok(Err(error)) => error.to_string(),
+        Err(error) => error.to_string(),
+    };
+    Err(Problem::new(Kind::Unavailable, format!("the store cannot be written: {unwritable}")))
+}
+
+async fn nothing_here(uri: Uri) -> Problem {
+    let path: String = uri.path().chars().take(200).collect();
+    Problem::new(Kind::NotFound, format!("there is nothing at `{path}`; programs are at /v1/programs"))
+}
+
+async fn wrong_method(method: Method, uri: Uri) -> Problem {
+    let path: String = uri.path().chars().take(200).collect();
+    Problem::new(Kind::MethodNotAllowed, format!("`{path}` does not take {method}; see the header `allow`"))
+}
+
+fn panicked(cause: Box<dyn Any + Send + 'static>) -> Response {
+    let what = cause.downcast_ref::<String>().map(String::as_str).or_else(|| cause.downcast_ref::<&str>().copied());
+    error!("a request panicked: {}", what.unwrap_or("without a message"));
+    Problem::new(Kind::Internal, "the request could not be answered; this is a mistake of the server").into_response()
+}
+
+/// The request to the compiler that the fields of a request stand for; everything it names exists.
+fn wanted(
+    service: &Service,
+    program: &Program,
+    export: Option<String>,
+    queries: Option<&[String]>,
+    precision: Option<&str>,
+) -> Result<Wanted, Problem> {
+    let limit = service.limits.queries();
+    if let Some(count) = queries.map(|q| q.len() as u64).filter(|n| *n > limit.value) {
+        return Err(over(limit, "queries", count));
+    }
+    if program.has_errors() {
+        let (diagnostics, files) = (&program.diagnostics, &program.checked.files);
+        return Err(Problem::diagnostics(diagnostics, files, &service.options.limits));
+    }
+    let precision = match precision {
+        None | Some("f32") => Precision::F32,
+        Some("f64") => Precision::F64,
+        Some(other) => {
+            let shown: String = other.chars().take(50).collect();
+            return Err(Problem::new(Kind::InvalidRequest, format!("unknown precision `{shown}`, expected f32 or f64")));
+        }
+    };
+    let exports = program.checked.exports();
+    let export = select::export(&exports, export.as_deref())?;
+    let queries = match queries {
+        None => vec![Query::Value],
+        Some(texts) => texts
+            .iter()
+            .map(|text| text.parse::<Query>().map_err(|e| Problem::new(Kind::InvalidRequest, e.to_string())))
+            .collect::<Result<_, _>>()?,
+    };
+    select::known(export, &queries)?;
+    let rates = export
+        .parameters
+        .iter()
+        .enumerate()
+        .map(|(i, p)| (p.name.clone(), if i == 0 { Rate::Varying } else { Rate::Uniform }))
+        .collect();
+    Ok(Wanted { export: export.name.clone(), queries, precision, rates, ..Wanted::default() })
+}
+
+/// Reads a body, within a limit of bytes, of time, and of what all bodies may take together.
+async fn read_body(service: &Service, request: Request, limit: LimitValue) -> Result<Held, Problem> {
+    let too_large = || {
+        let detail = format!("the limit `{}` is {} bytes", limit.name, limit.value);
+        Problem::new(Kind::BodyTooLarge, detail).limit(limit)
+    };
+    let announced = request.headers().get(header::CONTENT_LENGTH);
+    let announced = announced.and_then(|v| v.to_str().ok()).and_then(|v| v.parse::<u64>().ok());
+    if announced.is_some_and(|n| n > limit.value) {
+        return Err(too_large());
+    }
+    let memory = service.pool.memory(announced.unwrap_or(limit.value))?;
+    let time = service.limits.body_ms();
+    let most = usize::try_from(limit.value).unwrap_or(usize::MAX);
+    let reading = axum::body::to_bytes(Body::new(request.into_body()), most);
+    match tokio::time::timeout(Duration::from_millis(time.value), reading).await {
+        Ok(Ok(bytes)) => Ok(memory.hold(bytes)),
+        Ok(Err(error)) if error.source().is_some_and(|e| e.is::<http_body_util::LengthLimitError>()) => Err(too_large()),
+        Ok(Err(error)) => {
+            Err(Problem::new(Kind::InvalidJson, format!("the body ended before it was complete: {error}")))
+        }
+        Err(_) => {
+            let detail = format!("the body did not arrive within {} ms", time.value);
+            Err(Problem::new(Kind::BodyTimeout, detail).limit(time))
+        }
+    }
+}
+
+fn read_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
+    serde_json::from_slice(bytes).map_err(|error| {
+        let kind = if error.is_data() { Kind::InvalidRequest } else { Kind::InvalidJson };
+        Problem::new(kind, error.to_string())
+    })
+}
+
+fn over(limit: LimitValue, what: &str, found: u64) -> Problem {
+    let detail = format!("the request has {found} {what}, the limit `{}` is {}", limit.name, limit.value);
+    Problem::new(Kind::LimitExceeded, detail).limit(limit)
+}
+
+fn failed(error: &EvaluateError, limit: LimitValue) -> Problem {
+    match error {
+        EvaluateError::Deadline => {
+            let detail = format!(
+                "the evaluation took longer than {} ms (`{}`); ask for fewer points, or shorten the program's loops",
+                limit.value, limit.name
+            );
+            Problem::new(Kind::DeadlineExceeded, detail).limit(limit)
+        }
+        EvaluateError::Refused(why) => Problem::new(Kind::LimitExceeded, why.clone()),
+        EvaluateError::Internal(why) => {
+            error!("an evaluation failed: {why}");
+            Problem::new(Kind::Internal, format!("the evaluation failed: {why}"))
+        }
+    }
+}
+
+impl From<UnknownName> for Problem {
+    fn from(error: UnknownName) -> Self {
+        Self::new(Kind::UnknownName, error.0)
+    }
+}
+
+impl From<Misfit> for Problem {
+    fn from(error: Misfit) -> Self {
+        Self::new(Kind::InvalidInput, error.0)
+    }
+}
