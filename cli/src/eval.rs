@@ -4,6 +4,7 @@ use std::io::{BufWriter, Write, stdout};
 use std::time::Duration;
 
 use isograd_compiler::{Options, Query, Request, compile};
+use isograd_runtime::Runtime;
 use isograd_server::evaluate::{EvaluateError, load, run as evaluate, set_rates};
 use isograd_server::{Stopwatch, select};
 
@@ -32,7 +33,7 @@ pub fn run(args: &Eval) -> Result<(), Failure> {
     report::diagnostics(&artefact.warnings, &checked.files);
 
     let deadline = Some(Duration::from_secs(args.deadline));
-    let outputs = load(&artefact)
+    let outputs = load(&Runtime::default(), &artefact)
         .and_then(|kernel| evaluate(&kernel, &inputs, deadline))
         .map_err(|error| Failure::Wrong(explain(&error, args.deadline)))?;
 
@@ -54,7 +55,7 @@ fn explain(error: &EvaluateError, deadline: u64) -> String {
             "the evaluation took longer than {deadline} s; ask for fewer points, shorten the program's loops, or allow \
              more time with `--deadline`"
         ),
-        EvaluateError::Refused(why) => why.clone(),
+        EvaluateError::Refused { message, .. } => message.clone(),
         EvaluateError::Internal(why) => format!("the evaluation failed, which is a mistake of isograd: {why}"),
     }
 }

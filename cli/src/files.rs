@@ -27,8 +27,7 @@ impl FsLoader {
             Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
             _ => None,
         };
-        let canonical =
-            directory.canonicalize().map(|d| d.components().filter_map(name).collect()).unwrap_or_default();
+        let canonical = directory.canonicalize().map(|d| d.components().filter_map(name).collect()).unwrap_or_default();
         Self { directory, canonical, libraries }
     }
 }
@@ -68,7 +67,8 @@ impl Loader for FsLoader {
 /// # Errors
 /// If the entry file cannot be read.
 pub fn load(file: &Path, external: &External, options: &Options, watch: &dyn Watch) -> Result<Checked, Failure> {
-    let entry = read_source(file).map_err(|error| Failure::Wrong(format!("cannot read `{}`: {error}", file.display())))?;
+    let entry =
+        read_source(file).map_err(|error| Failure::Wrong(format!("cannot read `{}`: {error}", file.display())))?;
     let mut libraries = Libraries::default();
     for (name, directory) in &external.libraries {
         if libraries.0.insert(name.clone(), directory.clone()).is_some() {

@@ -59,10 +59,7 @@ fn from_args(points: &[String], export: &Export) -> Result<Inputs, Failure> {
             let has = counted(given.len());
             let takes = takes(export);
             let n = scalars.len();
-            return Err(Failure::Wrong(format!(
-                "`--args {text}` has {has}, `{}` takes {n}: {takes}",
-                export.name
-            )));
+            return Err(Failure::Wrong(format!("`--args {text}` has {has}, `{}` takes {n}: {takes}", export.name)));
         }
         for ((column, (name, kind)), cell) in columns.iter_mut().zip(&scalars).zip(given) {
             let x = parse(*kind, cell).map_err(|expected| {
@@ -89,7 +86,10 @@ fn from_args(points: &[String], export: &Export) -> Result<Inputs, Failure> {
 fn uniform(name: &str, text: &str, export: &Export) -> Result<Values, Failure> {
     let Some(parameter) = export.parameters.iter().find(|p| p.name == name) else {
         let takes = takes(export);
-        return Err(Failure::Wrong(format!("`--set {name}={text}`: `{}` has no parameter `{name}`; {takes}", export.name)));
+        return Err(Failure::Wrong(format!(
+            "`--set {name}={text}`: `{}` has no parameter `{name}`; {takes}",
+            export.name
+        )));
     };
     let given = list(text);
     let kinds = parameter.ty.scalars();
@@ -143,7 +143,8 @@ struct Table<R> {
 impl<R: Read> Table<R> {
     /// Reads the header.
     fn open(source: R, name: String, export: &Export) -> Result<Self, String> {
-        let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).buffer_capacity(1 << 16).from_reader(source);
+        let mut reader =
+            ReaderBuilder::new().has_headers(false).flexible(true).buffer_capacity(1 << 16).from_reader(source);
         let mut record = ByteRecord::new();
         let known = scalars(export);
         let all: Vec<&str> = known.iter().map(|(n, _)| n.as_str()).collect();
@@ -193,7 +194,9 @@ impl<R: Read> Table<R> {
                         let found = short(&String::from_utf8_lossy(cell));
                         let i = i + 1;
                         let name = &self.name;
-                        return Err(format!("{name}:{line}: column {i} (`{header}`) is `{found}`, expected {expected}"));
+                        return Err(format!(
+                            "{name}:{line}: column {i} (`{header}`) is `{found}`, expected {expected}"
+                        ));
                     }
                 }
             }

@@ -172,7 +172,11 @@ mod tests {
             export: "f".to_owned(),
             points: 2,
             outputs: vec![
-                Output { name: "value".to_owned(), ty: "real".to_owned(), columns: vec![column("value", &[0.5, -12.25])] },
+                Output {
+                    name: "value".to_owned(),
+                    ty: "real".to_owned(),
+                    columns: vec![column("value", &[0.5, -12.25])],
+                },
                 Output {
                     name: "gradient(at)".to_owned(),
                     ty: "vec2".to_owned(),

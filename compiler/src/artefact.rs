@@ -47,6 +47,29 @@ pub struct Manifest {
     pub unbounded: bool,
 }
 
+impl Manifest {
+    /// Bytes of an element of a column.
+    #[must_use]
+    pub fn element(&self, scalar: ColumnType) -> usize {
+        match scalar {
+            ColumnType::Real if self.precision == "f64" => 8,
+            ColumnType::Real | ColumnType::Int | ColumnType::Bool => 4,
+        }
+    }
+}
+
+impl ColumnType {
+    /// What it holds, in words.
+    #[must_use]
+    pub const fn describe(self) -> &'static str {
+        match self {
+            Self::Real => "reals",
+            Self::Int => "ints",
+            Self::Bool => "truth values",
+        }
+    }
+}
+
 /// An input or output of several columns.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Port {

@@ -3,8 +3,8 @@
 
 use isograd_elaborate::{Elaborated, elaborate};
 use isograd_graph::{Exhausted, Graph, Verified, Watch, verify};
-use isograd_program::{Loaded, Loader, Program, Type};
-use isograd_syntax::{Code, Diagnostic, Files, Limits};
+use isograd_program::{Loader, Program, Type};
+use isograd_syntax::{Code, Diagnostic, Diagnostics, Files, Limits};
 use isograd_transform::{DifferentiateError, derive, differentiate, fold, kernels, optimise, schedule};
 use isograd_wasm::{EmitError, Plan};
 
@@ -105,17 +105,30 @@ pub fn check(entry_name: &str, entry: Vec<u8>, loader: &dyn Loader, options: &Op
     let loaded = isograd_program::load(entry_name, entry, &WithStd(loader), &options.limits);
     let digest = seal::digest(&loaded.files);
     let trees = loaded.modules.first().map(|m| isograd_syntax::print(&m.tree)).unwrap_or_default();
+    let mut found = Diagnostics::default();
+    found.extend(loaded.diagnostics.iter().cloned());
     // Without all items, the checker would report names that only seem unknown.
-    if loaded.diagnostics.iter().any(Diagnostic::is_error) {
-        let Loaded { files, diagnostics, .. } = loaded;
-        return Checked { files, diagnostics, program: None, digest, trees };
+    let mut program = None;
+    if !found.has_errors() {
+        watch.step("check");
+        let checked = isograd_program::check(&loaded, &options.limits);
+        found.extend(checked.diagnostics);
+        found.omit_errors(checked.omitted_errors);
+        program = (!found.has_errors()).then_some(checked.program);
     }
-    watch.step("check");
-    let checked = isograd_program::check(&loaded, &options.limits);
-    let mut diagnostics = loaded.diagnostics;
-    diagnostics.extend(checked.diagnostics);
-    let ok = !diagnostics.iter().any(Diagnostic::is_error);
-    Checked { files: loaded.files, diagnostics, program: ok.then_some(checked.program), digest, trees }
+    Checked { files: loaded.files, diagnostics: reported(found, &options.limits), program, digest, trees }
+}
+
+/// Diagnostics in source order, at most as many as the limit allows; the rest is counted.
+fn reported(found: Diagnostics, limits: &Limits) -> Vec<Diagnostic> {
+    let report = found.finish(limits);
+    let mut diagnostics = report.diagnostics;
+    if report.omitted_errors > 0 {
+        let message = format!("{} more errors are not shown", report.omitted_errors);
+        diagnostics
+            .push(Diagnostic::global(Code::E1012, message).help("mend these first, or raise the limit `diagnostics`"));
+    }
+    diagnostics
 }
 
 /// What a step leaves, shown to an observer.

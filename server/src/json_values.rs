@@ -93,7 +93,9 @@ impl Shaped {
             }
             _ => format!("{} has", describe(parameter)),
         };
-        Misfit(format!("{place} the wrong shape: expected one value such as {example}, or a list of them, one per point"))
+        Misfit(format!(
+            "{place} the wrong shape: expected one value such as {example}, or a list of them, one per point"
+        ))
     }
 }
 

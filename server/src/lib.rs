@@ -75,7 +75,6 @@ pub fn server_options() -> Options {
 }
 
 /// A server that listens but does not answer yet.
-#[derive(Debug)]
 pub struct Server {
     listener: TcpListener,
     service: Arc<Service>,

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use isograd_compiler::{
-    Checked, Code, Diagnostic, Export, Loader, MemoryLoader, ModulePath, Options, Query, Request,
-    check, compile, render,
+    Checked, Code, Diagnostic, Export, Loader, MemoryLoader, ModulePath, Options, Query, Request, check, compile,
+    render,
 };
 use serde_json::{Value, json};
 
@@ -182,9 +182,7 @@ pub fn diagnose(checked: &Checked, options: &Options) -> Vec<Diagnostic> {
 }
 
 fn export_json(export: &Export) -> Value {
-    let port = |name: &str, ty: &isograd_compiler::Type| {
-        json!({ "name": name, "type": ty.to_string(), "columns": ty.columns(name) })
-    };
+    let port = |name: &str, ty: &isograd_compiler::Type| json!({ "name": name, "type": ty.to_string(), "columns": ty.columns(name) });
     json!({
         "name": export.name,
         "parameters": export.parameters.iter().map(|p| port(&p.name, &p.ty)).collect::<Vec<_>>(),

@@ -10,7 +10,8 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::body::Body;
-use axum::extract::{Path, RawQuery, Request, State};
+use axum::extract::{FromRequestParts, Path, RawQuery, Request, State};
+use axum::http::request::Parts;
 use axum::http::{HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -47,6 +48,18 @@ pub fn router(service: Arc<Service>) -> Router {
         .layer(CatchPanicLayer::custom(panicked))
         .layer(TraceLayer::new_for_http())
         .with_state(service)
+}
+
+/// A program's id in the path. Any text may stand there; the store knows which are ids.
+struct Id(String);
+
+impl<S: Send + Sync> FromRequestParts<S> for Id {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let path = Path::<String>::from_request_parts(parts, state).await;
+        path.map(|Path(id)| Self(id)).map_err(|error| Problem::new(Kind::InvalidRequest, error.body_text()))
+    }
 }
 
 /// The body of `POST /v1/programs`.
@@ -91,7 +104,7 @@ fn keep(service: &Service, body: &Held) -> Result<Response, Problem> {
     Ok(response)
 }
 
-async fn get_program(State(service): Shared, Path(id): Path<String>) -> Result<Response, Problem> {
+async fn get_program(State(service): Shared, Id(id): Id) -> Result<Response, Problem> {
     let shared = Arc::clone(&service);
     service.pool.run(move || Ok(axum::Json(shared.program(&id)?.json()).into_response())).await
 }
@@ -107,7 +120,7 @@ struct Evaluate {
     precision: Option<String>,
 }
 
-async fn evaluate(State(service): Shared, Path(id): Path<String>, request: Request) -> Result<Response, Problem> {
+async fn evaluate(State(service): Shared, Id(id): Id, request: Request) -> Result<Response, Problem> {
     let body = read_body(&service, request, service.limits.evaluate_bytes()).await?;
     let shared = Arc::clone(&service);
     service.pool.run(move || answer(&shared, &id, body)).await
@@ -138,16 +151,16 @@ fn answer(service: &Service, id: &str, body: Held) -> Result<Response, Problem> 
         return Err(over(points, "points", inputs.points as u64));
     }
     evaluate::set_rates(&mut wanted, export, &inputs);
-    let compiled = service.compiled(&program, &wanted)?;
-    let columns: usize = compiled.artefact.manifest.outputs.iter().map(|o| o.columns.len()).sum();
+    let artefact = service.compiled(&program, &wanted)?;
+    let columns: usize = artefact.manifest.outputs.iter().map(|o| o.columns.len()).sum();
     let scalars = (inputs.points as u64).saturating_mul(columns as u64);
     let output_scalars = service.limits.output_scalars();
     if scalars > output_scalars.value {
         return Err(over(output_scalars, "numbers of results", scalars));
     }
     let limit = service.limits.evaluation_ms();
-    let outputs = compiled
-        .kernel()
+    let outputs = service
+        .kernel(&artefact)
         .and_then(|kernel| evaluate::run(&kernel, &inputs, Some(Duration::from_millis(limit.value))))
         .map_err(|error| failed(&error, limit))?;
     let mut text = Vec::new();
@@ -155,11 +168,7 @@ fn answer(service: &Service, id: &str, body: Held) -> Result<Response, Problem> 
     Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response())
 }
 
-async fn module(
-    State(service): Shared,
-    Path(id): Path<String>,
-    RawQuery(query): RawQuery,
-) -> Result<Response, Problem> {
+async fn module(State(service): Shared, Id(id): Id, RawQuery(query): RawQuery) -> Result<Response, Problem> {
     let shared = Arc::clone(&service);
     service.pool.run(move || module_bytes(&shared, &id, query.as_deref().unwrap_or(""))).await
 }
@@ -187,15 +196,15 @@ fn module_bytes(service: &Service, id: &str, query: &str) -> Result<Response, Pr
     let program = service.program(id)?;
     let queries = if queries.is_empty() { None } else { Some(queries.as_slice()) };
     let wanted = wanted(service, &program, export, queries, precision.as_deref())?;
-    let compiled = service.compiled(&program, &wanted)?;
-    let manifest = &compiled.artefact.manifest;
+    let artefact = service.compiled(&program, &wanted)?;
+    let manifest = &artefact.manifest;
     let disposition = format!("attachment; filename=\"{}.wasm\"", manifest.export);
     let headers = [
         (header::CONTENT_TYPE, "application/wasm".to_owned()),
         (header::ETAG, format!("\"{}\"", manifest.id)),
         (header::CONTENT_DISPOSITION, disposition),
     ];
-    Ok((headers, compiled.artefact.bytes.clone()).into_response())
+    Ok((headers, artefact.bytes.clone()).into_response())
 }
 
 async fn live() -> Response {
@@ -253,7 +262,10 @@ fn wanted(
         Some("f64") => Precision::F64,
         Some(other) => {
             let shown: String = other.chars().take(50).collect();
-            return Err(Problem::new(Kind::InvalidRequest, format!("unknown precision `{shown}`, expected f32 or f64")));
+            return Err(Problem::new(
+                Kind::InvalidRequest,
+                format!("unknown precision `{shown}`, expected f32 or f64"),
+            ));
         }
     };
     let exports = program.checked.exports();
@@ -292,7 +304,9 @@ async fn read_body(service: &Service, request: Request, limit: LimitValue) -> Re
     let reading = axum::body::to_bytes(Body::new(request.into_body()), most);
     match tokio::time::timeout(Duration::from_millis(time.value), reading).await {
         Ok(Ok(bytes)) => Ok(memory.hold(bytes)),
-        Ok(Err(error)) if error.source().is_some_and(|e| e.is::<http_body_util::LengthLimitError>()) => Err(too_large()),
+        Ok(Err(error)) if error.source().is_some_and(|e| e.is::<http_body_util::LengthLimitError>()) => {
+            Err(too_large())
+        }
         Ok(Err(error)) => {
             Err(Problem::new(Kind::InvalidJson, format!("the body ended before it was complete: {error}")))
         }
@@ -324,7 +338,10 @@ fn failed(error: &EvaluateError, limit: LimitValue) -> Problem {
             );
             Problem::new(Kind::DeadlineExceeded, detail).limit(limit)
         }
-        EvaluateError::Refused(why) => Problem::new(Kind::LimitExceeded, why.clone()),
+        EvaluateError::Refused { message, limit } => {
+            let problem = Problem::new(Kind::LimitExceeded, message.clone());
+            Problem { limit: *limit, ..problem }
+        }
         EvaluateError::Internal(why) => {
             error!("an evaluation failed: {why}");
             Problem::new(Kind::Internal, format!("the evaluation failed: {why}"))

@@ -38,10 +38,7 @@ pub fn known(export: &Export, queries: &[Query]) -> Result<(), UnknownName> {
         }
         let names: Vec<String> = export.parameters.iter().map(|p| format!("`{}`", p.name)).collect();
         let there = if names.is_empty() { "no parameters".to_owned() } else { names.join(", ") };
-        return Err(UnknownName(format!(
-            "`{query}`: there is no parameter `{name}`; `{}` has {there}",
-            export.name
-        )));
+        return Err(UnknownName(format!("`{query}`: there is no parameter `{name}`; `{}` has {there}", export.name)));
     }
     Ok(())
 }
@@ -56,12 +53,7 @@ mod tests {
         let parameters = vec![Parameter { name: "at".to_owned(), ty: Type::Vector(3) }];
         names
             .iter()
-            .map(|n| Export {
-                name: (*n).to_owned(),
-                parameters: parameters.clone(),
-                result: Type::Real,
-                doc: None,
-            })
+            .map(|n| Export { name: (*n).to_owned(), parameters: parameters.clone(), result: Type::Real, doc: None })
             .collect()
     }
 

@@ -197,8 +197,7 @@ mod tests {
         assert!(extra.contains("no parameter `m`") && extra.contains("`n: int`"), "{extra}");
         let lengths = misfit(named(varying(&[&[1.0], &[1.0]]), varying(&[&[1.0, 2.0]])));
         assert!(lengths.contains("`at` has 1 values and `n` has 2"), "{lengths}");
-        let twice =
-            misfit(vec![("n".to_owned(), Values::uniform(&[1.0])), ("n".to_owned(), Values::uniform(&[1.0]))]);
+        let twice = misfit(vec![("n".to_owned(), Values::uniform(&[1.0])), ("n".to_owned(), Values::uniform(&[1.0]))]);
         assert!(twice.contains("given twice"), "{twice}");
     }
 

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use isograd_compiler::{Precision, Query};
 use isograd_graph::Value;
-use support::points::{Seeded, difference, stencil};
+use isograd_testkit::points::in_box;
 use support::{Graphs, Varying};
 
 const EXAMPLES: &[(&str, &[f64])] = &[
@@ -74,8 +74,7 @@ fn gradients_are_differences() {
             let all = point.iter().chain(*rest);
             kinds.iter().zip(all).map(|(k, x)| support::value(*k, *x, Precision::F64)).collect()
         };
-        let mut seeded = Seeded(0x0150_97ad);
-        let points: Vec<Vec<f64>> = (0..100).map(|_| seeded.point(2.0)).collect();
+        let points = in_box(&[(-2.0, 2.0); 3], 100, 0x0150_97ad);
         let arguments: Vec<_> = points.iter().map(|p| values(p)).collect();
         let emitted = graphs.emitted(&arguments);
         let lanes = support::wasm(&checked, function, &queries, Precision::F64, Varying::First, &arguments);
@@ -83,9 +82,8 @@ fn gradients_are_differences() {
         for ((point, row), lane) in points.iter().zip(&emitted).zip(lanes.expect("wasm")) {
             assert!(row.iter().zip(&lane).all(|(a, b)| a.same_bits(*b)), "{name}: {point:?}: {row:?} is not {lane:?}");
             for axis in 0..3 {
-                let around: Vec<_> = stencil(point, axis).iter().map(|p| values(p)).collect();
-                let around: Vec<f64> = graphs.oracle(&around).iter().map(|r| support::number(r[0])).collect();
-                let Some(slope) = difference(&around) else {
+                let value_at = |p: &[f64]| support::number(graphs.oracle(&[values(p)])[0][0]);
+                let Some(slope) = support::slope(value_at, point, axis) else {
                     skipped += 1;
                     continue;
                 };

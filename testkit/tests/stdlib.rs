@@ -7,7 +7,7 @@ mod support;
 use isograd_compiler::{Precision, Query, standard_library};
 use isograd_graph::Value;
 use isograd_program::ScalarKind;
-use support::points::{Seeded, difference, stencil};
+use isograd_testkit::points::in_box;
 use support::{Graphs, Varying};
 
 /// The classes of LANGUAGE A.3.
@@ -184,18 +184,13 @@ fn gradients_and_classes() {
         let checked = support::check_ok(&program(tree));
         let graphs = |queries: &[Query]| Graphs::of(&checked, "f", queries, Precision::F64).expect("graphs");
         let (derived, plain) = (graphs(&all_queries()[..2]), graphs(&all_queries()[..1]));
-        let value_at = |points: &[Vec<f64>]| -> Vec<f64> {
-            let points: Vec<_> = points.iter().map(|p| reals(p, Precision::F64)).collect();
-            numbers(plain.oracle(&points)).into_iter().map(|row| row[0]).collect()
-        };
-        let mut seeded = Seeded(0x150_9ead);
+        let value_at = |point: &[f64]| numbers(plain.oracle(&[reals(point, Precision::F64)]))[0][0];
         let mut skipped = 0;
         let mut previous: Option<(Vec<f64>, f64)> = None;
-        for _ in 0..POINTS {
-            let point = seeded.point(2.5);
+        for point in in_box(&[(-2.5, 2.5); 3], POINTS, 0x0150_9ead) {
             let row = numbers(derived.oracle(&[reals(&point, Precision::F64)])).remove(0);
             let (value, gradient) = (row[0], &row[1..]);
-            let slopes: Vec<_> = (0..3).map(|axis| difference(&value_at(&stencil(&point, axis)))).collect();
+            let slopes: Vec<_> = (0..3).map(|axis| support::slope(value_at, &point, axis)).collect();
             if let Some((other, there)) = previous.replace((point.clone(), value))
                 && *class >= Lower
             {
@@ -215,7 +210,7 @@ fn gradients_and_classes() {
             assert!(*class < Unit || (length - 1.0).abs() < 1e-9, "{name}: at {point:?} the gradient is {length} long");
             if *class == Exact {
                 let foot: Vec<f64> = point.iter().zip(gradient).map(|(x, g)| x - value * g).collect();
-                let there = value_at(&[foot])[0];
+                let there = value_at(&foot);
                 assert!(there.abs() < 1e-9, "{name}: at {point:?}, {there} is left after walking {value} home");
             }
         }

@@ -88,13 +88,12 @@ impl<'p> Machine<'p, '_> {
 
     /// `If`
     pub(crate) fn begin_branch(&mut self, branch: &'p Branch) -> Flow {
-        let cond = self.pop_one()?;
+        let cond = self.pop_kind(Scalar::Bool)?;
         self.deeper()?;
         let (writes, restores) = (self.save(&branch.writes)?, self.save(&branch.restores)?);
         let picked = match self.nodes.value(cond) {
             Some(Constant::Bool(cond)) => Some(cond),
-            Some(_) => return Err(self.bug("condition that is no bool")),
-            None => None,
+            _ => None,
         };
         let csg = branch.value == Some(Type::Csg) || writes.iter().any(|(_, v)| matches!(v, Value::Csg(_)));
         let kind = if let Some(cond) = picked {
@@ -233,7 +232,7 @@ impl<'p> Machine<'p, '_> {
 
     /// `For`
     pub(crate) fn begin_loop(&mut self, facts: &'p Loop, span: Span) -> Flow {
-        let (hi, lo) = (self.pop_one()?, self.pop_one()?);
+        let (hi, lo) = (self.pop_kind(Scalar::Int)?, self.pop_kind(Scalar::Int)?);
         let mut csg = false;
         for slot in &facts.writes {
             csg |= self.is_csg_slot(*slot)?;

@@ -51,7 +51,11 @@ impl Machine<'_, '_> {
     /// Evaluating the same tree under the same concept at the same value again gives what is known already: made
     /// here or in a region around (LANGUAGE 12.2).
     fn recall(&self, key: &Key) -> Option<Value> {
-        self.nodes.builder.scopes().find_map(|scope| self.memory.get(&(scope, key.clone())).cloned())
+        let mut place = (0, key.clone());
+        self.nodes.builder.scopes().find_map(|scope| {
+            place.0 = scope;
+            self.memory.get(&place).cloned()
+        })
     }
 
     /// `eval v.C(x)`

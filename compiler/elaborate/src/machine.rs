@@ -340,10 +340,11 @@ impl<'p> Machine<'p, '_> {
         }
     }
 
-    pub(crate) fn pop_one(&mut self) -> Flow<NodeId> {
+    /// One scalar of this kind.
+    pub(crate) fn pop_kind(&mut self, kind: Scalar) -> Flow<NodeId> {
         match *self.pop_scalars()? {
-            [node] => Ok(node),
-            _ => Err(self.bug("several scalars where one is needed")),
+            [node] if self.nodes.builder.graph().scalar(node) == kind => Ok(node),
+            _ => Err(self.bug("value of another kind than is needed")),
         }
     }
 
@@ -401,6 +402,12 @@ impl<'p> Machine<'p, '_> {
             }
             Instruction::Pack(n) => {
                 let parts = self.pop_many_scalars(*n as usize)?;
+                let size: usize = parts.iter().map(|p| p.len()).sum();
+                // Tuples of tuples double their size with every line of source, without making a node.
+                if size as u64 > self.limits.graph_nodes {
+                    let limit = usize::try_from(self.limits.graph_nodes).unwrap_or(usize::MAX);
+                    return Err(self.fail(too_large(Exhausted::Nodes(limit), *span)));
+                }
                 self.push_scalars(parts.iter().flat_map(|p| p.iter().copied()).collect());
             }
             Instruction::Splat(n) => {
@@ -424,7 +431,7 @@ impl<'p> Machine<'p, '_> {
                 self.push_scalars(value);
             }
             Instruction::Not => {
-                let value = self.pop_one()?;
+                let value = self.pop_kind(Scalar::Bool)?;
                 let value = self.nodes.op(Op::Not, &[value]);
                 self.push_scalars(Scalars::one(value));
             }

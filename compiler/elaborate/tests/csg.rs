@@ -274,3 +274,26 @@ fn errors_show_the_way() {
     let labels: Vec<&str> = error.labels.iter().map(|l| l.text.as_str()).collect();
     assert!(labels.contains(&"in `inner`, called here") && labels.contains(&"in `outer`, called here"), "{labels:?}");
 }
+
+/// A csg value whose argument comes from a region, and evals under choices inside regions.
+#[test]
+fn trees_made_inside_regions() {
+    let body = "let s = 0.0;
+        for i in 0..4 {
+            csg c = Shift(s + 1.0);
+            if x > 0.0 { csg d = Add(){ c }{ Line() }; c = d; } else { c = Inc(){ c }; }
+            s = s + eval c.D(x);
+        } s";
+    let graph = graph(&example(ONE, body));
+    let want = |x: f64| (0..4).fold(0.0, |s, _| s + if x > 0.0 { (x - (s + 1.0)) + x } else { 1.0 + (x - (s + 1.0)) });
+    for x in [2.0, -2.0] {
+        assert_eq!(run(&graph, &[x]), [want(x)]);
+    }
+}
+
+#[test]
+fn large_tuples_are_limited() {
+    let few = Limits { graph_nodes: 100, ..Limits::default() };
+    let body = "let a = (x, x); let b = (a, a); let c = (b, b); let d = (c, c); let e = (d, d); let g = (e, e); let h = (g, g); x";
+    assert_eq!(failure(&example(ONE, body), &few).code, Code::E1007);
+}

@@ -367,7 +367,12 @@ impl<'w> Builder<'w> {
         if matches!(self.mode, Mode::Real(_)) && then == otherwise && self.visible(then) {
             return then;
         }
-        self.share(Node::Join { end, then, otherwise }, self.graph.scalar(then))
+        let node = Node::Join { end, then, otherwise };
+        if self.mode == Mode::Raw && !self.apart {
+            // Each variable that a branch writes is a new value, even if two are given the same (LANGUAGE 13.3.3).
+            return self.push(node, self.graph.scalar(then));
+        }
+        self.share(node, self.graph.scalar(then))
     }
 
     /// Whether a node made earlier lies in a region that is still open.

@@ -7,6 +7,7 @@ mod differentiate;
 mod fold;
 mod live;
 mod order;
+mod pressure;
 mod raw;
 mod schedule;
 

@@ -1,10 +1,11 @@
 //! What a target computes in which order. Cheap branches become selections, because a test of four lanes costs more
 //! than computing both sides; nodes are put in the order that keeps fewer values alive.
 
-use isograd_graph::{Builder, Exhausted, Graph, Mode, Node, NodeId, Precision, Watch, max_live};
+use isograd_graph::{Builder, Exhausted, Graph, Mode, Node, NodeId, Precision, Watch};
 
 use crate::copy::copy_flat;
 use crate::order::depth_first;
+use crate::pressure::max_live;
 
 /// A branch whose sides together cost no more than this, in additions, is computed on both sides.
 const CHEAP: u32 = 40;
@@ -26,7 +27,7 @@ fn cheap_gammas(graph: &Graph) -> Vec<bool> {
     let mut cheap = vec![false; graph.len()];
     // Costs of the open structures; `None` once something in it must stay a region.
     let mut open: Vec<Option<u32>> = Vec::new();
-    for (id, node) in graph.iter() {
+    for (_, node) in graph.iter() {
         match node {
             Node::Gamma { .. } => open.push(Some(0)),
             Node::Theta { .. } => open.push(None),
@@ -38,7 +39,6 @@ fn cheap_gammas(graph: &Graph) -> Vec<bool> {
                 if let Some(outer) = open.last_mut() {
                     *outer = outer.zip(cost).map(|(a, b)| a + b);
                 }
-                let _ = id;
             }
             Node::Apply(op, _) => {
                 if let Some(Some(cost)) = open.last_mut() {

@@ -5,8 +5,8 @@ use isograd_graph::{Args, Graph, Node, NodeId, Op, Precision, Scalar};
 use wasm_encoder::{BlockType, ValType};
 
 use crate::code::{AT, AT_NARROW, COUNT, Code, Locals, at};
-use crate::lives::{Lives, is_late, storage};
-use crate::rates::{PerNode, Rates, owner};
+use crate::lives::{Lives, storage};
+use crate::rates::{PerNode, Rates, is_late, owner};
 use crate::regions::Frame;
 use crate::{EmitError, Layout, Slot, lanes};
 

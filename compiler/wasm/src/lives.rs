@@ -3,7 +3,7 @@
 
 use isograd_graph::{Graph, Node, NodeId};
 
-use crate::rates::{PerNode, Rates, is_constant, owner};
+use crate::rates::{PerNode, Rates, is_constant, is_late, owner};
 
 /// The order of emission, and from where to where in it each value lives.
 pub struct Lives {
@@ -25,11 +25,6 @@ pub fn storage(graph: &Graph, id: NodeId) -> NodeId {
         Some(Node::Final { carried, .. }) => carried,
         _ => id,
     }
-}
-
-/// Whether an operand of a join is computed only after the branch.
-pub fn is_late(graph: &Graph, end: NodeId, operand: NodeId) -> bool {
-    operand > end && !is_constant(graph[operand])
 }
 
 /// Calls `f` with the values that are read where this node stands in the order. Joins and finals are computed where

@@ -58,6 +58,11 @@ pub const fn is_constant(node: Node) -> bool {
     matches!(node, Node::Real(_) | Node::Int(_) | Node::Bool(_))
 }
 
+/// Whether an operand of a join is computed only after the branch.
+pub fn is_late(graph: &Graph, end: NodeId, operand: NodeId) -> bool {
+    operand > end && !is_constant(graph[operand])
+}
+
 /// The gamma or theta that an end closes.
 pub fn owner(graph: &Graph, end: NodeId) -> NodeId {
     match graph.get(end) {
@@ -72,7 +77,6 @@ impl Rates {
         let next = check(graph)?;
         let needed = needed(graph, &next);
         let uniform = uniform(graph, varying, &next);
-        let early = early(graph, &needed, &uniform);
         let mut joins: FxHashMap<_, Vec<_>> = FxHashMap::default();
         let mut carried: FxHashMap<_, Vec<_>> = FxHashMap::default();
         for (id, node) in graph.iter().filter(|(id, _)| needed[*id]) {
@@ -82,6 +86,7 @@ impl Rates {
                 _ => {}
             }
         }
+        let early = early(graph, &needed, &uniform, &next, &joins);
         Ok(Self { needed, uniform, early, joins, carried, next })
     }
 }
@@ -206,36 +211,49 @@ fn uniform(graph: &Graph, varying: &[bool], nexts: &PerNode<NodeId>) -> PerNode<
 }
 
 /// What can be computed once, before the loop over the points: uniform nodes of the outermost region, and branches
-/// and loops there in which everything is uniform.
-fn early(graph: &Graph, needed: &PerNode<bool>, uniform: &PerNode<bool>) -> PerNode<bool> {
+/// and loops there if all that they compute, read and give is.
+fn early(
+    graph: &Graph,
+    needed: &PerNode<bool>,
+    uniform: &PerNode<bool>,
+    nexts: &PerNode<NodeId>,
+    joins: &FxHashMap<NodeId, Vec<NodeId>>,
+) -> PerNode<bool> {
     let mut early = PerNode::new(graph, false);
     let mut nodes = graph.iter();
     while let Some((id, node)) = nodes.next() {
-        match node {
-            Node::Gamma { end, .. } | Node::Theta { end, .. } => {
-                let inside = |early: &PerNode<bool>, node: Node| {
-                    let mut all = true;
-                    node.each_operand(|x| all &= uniform[x] && (x > id || early[x]));
-                    all
-                };
-                let mut whole = inside(&early, node);
-                for (at, node) in nodes.by_ref() {
-                    whole &= !needed[at] || (uniform[at] && inside(&early, node));
-                    if at == end {
-                        break;
-                    }
+        if let Node::Gamma { end, .. } | Node::Theta { end, .. } = node {
+            let ready = |early: &PerNode<bool>, x: NodeId| uniform[x] && ((x > id && x < end) || early[x]);
+            let all_ready = |early: &PerNode<bool>, at: NodeId, node: Node| {
+                let mut all = true;
+                node.each_operand(|x| all &= ready(early, x));
+                if let Node::Carried { .. } = node {
+                    all &= ready(early, nexts[at]) || is_constant(graph[nexts[at]]);
                 }
-                let marks = (id.0..=end.0).map(NodeId);
-                marks.for_each(|at| early[at] = whole);
-            }
-            _ => {
-                let mut all = uniform[id];
-                node.each_operand(|x| all &= early[x]);
-                if let Node::Join { end, .. } | Node::Final { end, .. } = node {
-                    all &= early[end];
+                all
+            };
+            let mut whole = all_ready(&early, id, node);
+            for (at, node) in nodes.by_ref() {
+                whole &= !needed[at] || (uniform[at] && all_ready(&early, at, node));
+                if at == end {
+                    break;
                 }
-                early[id] = all;
             }
+            // The results too: an operand of a join may be varying, or may be computed after the branch.
+            for join in joins.get(&end).into_iter().flatten() {
+                if let Node::Join { then, otherwise, .. } = graph[*join] {
+                    let fits = |x| ready(&early, x) || is_constant(graph[x]);
+                    whole &= uniform[*join] && fits(then) && fits(otherwise);
+                }
+            }
+            (id.0..=end.0).map(NodeId).for_each(|at| early[at] = whole);
+        } else {
+            let mut all = uniform[id];
+            node.each_operand(|x| all &= early[x]);
+            if let Node::Join { end, .. } | Node::Final { end, .. } = node {
+                all &= early[end];
+            }
+            early[id] = all;
         }
     }
     early

@@ -8,7 +8,7 @@ use isograd_graph::{Node, NodeId, Precision};
 use wasm_encoder::BlockType;
 
 use crate::emit::Emitter;
-use crate::lives::is_late;
+use crate::rates::is_late;
 
 /// An open branch or loop.
 pub enum Frame {

@@ -39,11 +39,6 @@ fn loops_swap_and_lanes_leave_one_by_one() {
             let from = random.below(9) as i32 - 4;
             vec![Value::Int(from), Value::Int(random.below(40) as i32 - 6)]
         })
-        .chain([
-            vec![Value::Int(i32::MIN), Value::Int(i32::MIN + 3)],
-            vec![Value::Int(i32::MAX - 2), Value::Int(i32::MAX)],
-            vec![Value::Int(i32::MAX), Value::Int(i32::MIN)],
-        ])
         .collect();
     for precision in PRECISIONS {
         let verified = fibonacci(precision);
@@ -61,6 +56,7 @@ fn a_lane_that_is_done_stays_done() {
         vec![Value::Int(i32::MAX - 1), Value::Int(i32::MAX)],
         vec![Value::Int(i32::MIN), Value::Int(i32::MIN + 500)],
         vec![Value::Int(5), Value::Int(5)],
+        vec![Value::Int(i32::MAX), Value::Int(i32::MIN)],
     ];
     compare(&verified, &[true, true], &points);
 }

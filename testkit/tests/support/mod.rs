@@ -3,17 +3,19 @@
 
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-pub mod points;
+mod wasm;
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use isograd_compiler::{Checked, Diagnostic, MemoryLoader, Options, Precision, Query, Rate, Request};
+use isograd_compiler::{Checked, Diagnostic, MemoryLoader, Options, Precision, Query};
 use isograd_elaborate::elaborate;
 use isograd_graph::{Evaluator, Graph, Unwatched, Value};
 use isograd_program::typed::Function;
 use isograd_program::{ScalarKind, Type};
+use isograd_testkit::differences::{Estimate, Side, central, one_sided};
 use isograd_transform::{Wanted, derive, differentiate, fold, kernels, optimise, schedule};
+
+pub use wasm::{Varying, wasm};
 
 /// Options under which every transform's result is verified.
 pub fn options() -> Options {
@@ -149,31 +151,29 @@ fn wanted(function: &Function, queries: &[Query]) -> Vec<Wanted> {
     all.into_iter().enumerate().map(|(i, (output, by))| Wanted { name: name(i), output, by }).collect()
 }
 
-/// Which parameters vary from point to point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Varying {
-    /// All of them.
-    All,
-    /// The first, as by default.
-    First,
-}
-
-/// The request for some queries.
-pub fn request(function: &Function, queries: &[Query], precision: Precision, varying: Varying) -> Request {
-    let rates: BTreeMap<String, Rate> = match varying {
-        Varying::All => function.params.iter().map(|p| (p.name.clone(), Rate::Varying)).collect(),
-        Varying::First => BTreeMap::new(),
-    };
-    Request { export: function.name.clone(), queries: queries.to_vec(), precision, rates, ..Request::default() }
-}
-
 /// Compiles the value of an export in both precisions: its warnings, or its errors.
 pub fn compile(checked: &Checked, name: &str) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
     let function = export(checked, name);
     let mut warnings = Vec::new();
     for precision in [Precision::F32, Precision::F64] {
-        let request = request(function, &[Query::Value], precision, Varying::All);
+        let request = wasm::request(function, &[Query::Value], precision, Varying::All);
         warnings = isograd_compiler::compile(checked, &request, &options(), &Unwatched)?.warnings;
     }
     Ok(warnings)
+}
+
+/// A smooth function's derivative by each coordinate of a point, from values alone; `None` where differences cannot
+/// judge: near a kink the one-sided ones do not agree.
+pub fn slope(f: impl Fn(&[f64]) -> f64, point: &[f64], axis: usize) -> Option<f64> {
+    const STEP: f64 = 1.0 / 1024.0;
+    const JUDGED: f64 = 1e-6;
+    let along = |x: f64| {
+        let mut moved = point.to_vec();
+        moved[axis] = x;
+        f(&moved)
+    };
+    let both = central(along, point[axis], STEP);
+    let sides = [Side::Above, Side::Below].map(|side| one_sided(along, point[axis], STEP, side));
+    let agree = |e: &Estimate| e.error < JUDGED && (e.value - both.value).abs() < JUDGED * (1.0 + both.value.abs());
+    (agree(&both) && sides.iter().all(agree)).then_some(both.value)
 }

@@ -166,6 +166,9 @@ fn duals(graph: &Graph, inputs: &[Value], seed: NodeId) -> Vec<(f64, f64)> {
                     (Op::Mul, [a, b]) => (a.0 * b.0, a.1 * b.0 + a.0 * b.1),
                     (Op::Sin, [a]) => (a.0.sin(), a.0.cos() * a.1),
                     (Op::Lt, [a, b]) => (f64::from(u8::from(a.0 < b.0)), 0.0),
+                    (Op::IntLt, [a, b]) => (f64::from(u8::from(a.0 < b.0)), 0.0),
+                    (Op::IntEq, [a, b]) => (f64::from(u8::from(a.0 == b.0)), 0.0),
+                    (Op::Not, [a]) => (1.0 - a.0, 0.0),
                     (Op::Select, [c, a, b]) => *(if c.0 == 1.0 { a } else { b }),
                     _ => panic!("{op} has no rule here"),
                 }

@@ -3,7 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::write::{Real, write};
+use super::write::{Real, Truth, write};
 use crate::{Builder, NodeId, Precision};
 
 /// arcsin x; for |x| ≥ ½ as π/2 − 2·arcsin √((1 − |x|)/2).
@@ -11,7 +11,11 @@ pub fn asin(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
     write(b, args, p, |[x]| {
         let h = HalfAngle::of(x);
         let near = h.s + h.rest;
-        let far = FRAC_PI_2 - ((near + near) - tail(x, FRAC_PI_2));
+        // The rounding error of π/2 − 2s would weigh more in a result below 1.
+        let twice = h.s + h.s;
+        let complement = FRAC_PI_2 - twice;
+        let error = (FRAC_PI_2 - complement) - twice;
+        let far = complement - ((h.rest + h.rest) - (error + tail(x)));
         h.far.select(far, near).copysign(x)
     })
 }
@@ -20,19 +24,17 @@ pub fn asin(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
 pub fn acos(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
     write(b, args, p, |[x]| {
         let h = HalfAngle::of(x);
-        let near = FRAC_PI_2 - (x - (tail(x, FRAC_PI_2) - h.rest.copysign(x)));
+        let near = FRAC_PI_2 - (x - (tail(x) - h.rest.copysign(x)));
         let half = h.s + h.rest;
         let twice = half + half;
-        let far = x.less(0.0).select(PI - (twice - tail(x, PI)), twice);
+        let far = x.less(0.0).select(PI - (twice - 2.0 * tail(x)), twice);
         h.far.select(far, near)
     })
 }
 
-/// What rounding takes from a constant.
-fn tail(x: Real<'_>, constant: f64) -> f64 {
-    // π minus its f64, which is what f64 rounding takes from π.
-    let beyond = if constant > 3.0 { 1.224_646_799_147_353_2e-16 } else { 6.123_233_995_736_766e-17 };
-    x.by((constant - Precision::F32.round(constant)) + beyond, beyond)
+/// What rounding takes from π/2; from π it takes twice as much.
+fn tail(x: Real<'_>) -> f64 {
+    x.by(-4.371_139_000_186_241e-8, 6.123_233_995_736_766e-17)
 }
 
 /// arcsin s = s + `rest` for an s ≤ ½.
@@ -40,7 +42,7 @@ struct HalfAngle<'k> {
     s: Real<'k>,
     rest: Real<'k>,
     /// Whether |x| ≥ ½ and s = √((1 − |x|)/2), else s = |x|.
-    far: super::write::Truth<'k>,
+    far: Truth<'k>,
 }
 
 impl<'k> HalfAngle<'k> {
@@ -77,7 +79,7 @@ pub fn atan(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
         let size = x.abs();
         let steep = x.constant(1.0).less(size);
         let near = atan_of_ratio(steep.select(1.0, size) / steep.select(size, 1.0));
-        steep.select(FRAC_PI_2 - (near - tail(x, FRAC_PI_2)), near).copysign(x)
+        steep.select(FRAC_PI_2 - (near - tail(x)), near).copysign(x)
     })
 }
 
@@ -90,9 +92,10 @@ pub fn atan2(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
         // 0/0 and ∞/∞ count as 0 and 1.
         let diagonal = greater.equals(0.0).select(0.0, 1.0);
         let near = atan_of_ratio(lesser.equals(greater).select(diagonal, lesser / greater));
-        let right = steep.select(FRAC_PI_2 - (near - tail(x, FRAC_PI_2)), near);
-        let left = x.constant(1.0).copysign(x).less(0.0);
-        left.select(PI - (right - tail(x, PI)), right).copysign(y)
+        // π/2 ± `near` if steep, else `near` from 0 or π; what rounding takes from the axis is in proportion.
+        let axis = steep.select(FRAC_PI_2, FRAC_PI_2 - x.constant(FRAC_PI_2).copysign(x));
+        let turn = near.copysign(steep.select(-x, x));
+        (axis + (turn + axis * (tail(x) / FRAC_PI_2))).copysign(y)
     })
 }
 

@@ -4,24 +4,23 @@ use super::exp::{exp_of_small, mantissa, times_power_of_two};
 use super::write::{Real, write};
 use crate::{Builder, NodeId, Precision};
 
-/// xʸ, with the special cases of C's `pow` (C23, F.10.5.4). Where the result would be subnormal it is 0.
+/// xʸ, with the special cases of C's `pow` (C23, annex F). Where the result would be subnormal it is 0.
 pub fn pow(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
     write(b, args, p, |[x, y]| {
         let base = x.abs();
         // A larger exponent changes nothing: every base but 1 has left the range long before.
         let huge = x.by(2f64.powi(60), 2f64.powi(100));
         let exponent = y.at_least(-huge).at_most(huge);
-        let (high, low) = {
-            let (log, rest) = log2(base);
-            let upper = exponent.upper();
-            (upper * log, (exponent - upper) * log + exponent * rest)
-        };
+        let (log, rest) = log2(base);
+        let upper = exponent.upper();
+        let high = upper * log;
+        let low = (exponent - upper) * log + exponent * rest;
 
         // The exponent of 2 decides overflow and underflow, so special cases are set there.
-        let odd_base = y.floor().differs(y).and(x.less(0.0));
+        let no_power = y.floor().differs(y).and(x.less(0.0));
         let edge = base.equals(0.0).or(base.equals(f64::INFINITY));
         let limit = base.less(1.0).select(f64::NEG_INFINITY, f64::INFINITY) * y;
-        let total = edge.select(limit, odd_base.select(f64::NAN, high + low));
+        let total = edge.select(limit, no_power.select(f64::NAN, high + low));
 
         let k = total.nearest();
         let r = ((high - k) + low) * std::f64::consts::LN_2;
@@ -65,7 +64,8 @@ fn log2(x: Real<'_>) -> (Real<'_>, Real<'_>) {
     let p2 = rest - (p1 - product);
 
     let whole = 2.0 / (3.0 * std::f64::consts::LN_2);
-    let (c1, c2) = x.by((0.961_914_062_5, -1.173_685_741_377_994_4e-4), (0.961_796_700_954_437_3, -7.028_461_650_952_758e-9));
+    let (c1, c2) =
+        x.by((0.961_914_062_5, -1.173_685_741_377_994_4e-4), (0.961_796_700_954_437_3, -7.028_461_650_952_758e-9));
     let upper = c1 * p1;
     let lower = c2 * p1 + p2 * whole;
     let log1 = ((upper + lower) + e).upper();

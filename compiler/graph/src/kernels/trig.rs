@@ -1,5 +1,5 @@
-//! sin, cos and tan by one reduction to a quadrant, which they share node by node. Accurate for |x| ≤ 8192; beyond, the
-//! reduction loses digits with the size of x, and sin and cos stay in [−1, 1].
+//! sin, cos and tan by one reduction to a quadrant, which they share node by node. Knows arguments up to 8192 to the last
+//! digit; to 65536 sin and cos are off by less than 2·10⁻⁶ in f32, to 2³⁰ by less than 10⁻⁷ in f64; and nothing beyond.
 
 use std::f64::consts::FRAC_2_PI;
 
@@ -25,12 +25,13 @@ pub fn cos(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
     })
 }
 
-/// tan x.
+/// tan x; for odd k as −1/tan r.
 pub fn tan(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
     write(b, args, p, |[x]| {
         let q = Quadrant::of(x);
-        let (sine, cosine) = (q.sine(), q.cosine());
-        q.odd.select(-cosine, sine) / q.odd.select(sine, cosine)
+        let (tangent, rest) = q.tangent();
+        let inverse = -1.0 / tangent;
+        q.odd.select(inverse + (inverse * inverse) * rest, tangent)
     })
 }
 
@@ -49,13 +50,13 @@ struct Quadrant<'k> {
 impl<'k> Quadrant<'k> {
     fn of(x: Real<'k>) -> Self {
         // Infinity and NaN stay NaN.
-        let x = x.abs().less(x.by(LAST.0, LAST.1)).select(x, x - x);
+        let x = x.abs().less(x.by(LAST.0, LAST.1)).select(x, x * 0.0);
         let k = (x * FRAC_2_PI).nearest();
         // k has 13 bits for |x| ≤ 8192, so the products with all parts of π/2 but the last are exact; and so are the
         // differences but the last, whose rounding error t takes up.
         let (parts, part, last): (&[f64], _, _) = x.by(
             (&[1.570_312_5, 4.837_512_969_970_703e-4], 7.549_533_620_476_723e-8, 2.563_344_068_257_089e-12),
-            (&[1.570_796_326_794_152_3], 7.443_547_480_488_527e-13, -1.903_488_962_019_326_6e-25),
+            (&[1.570_796_326_794_152_3], 7.443_547_480_480_255e-13, 6.368_317_163_510_95e-25),
         );
         let rest = parts.iter().fold(x, |rest, part| rest - k * *part);
         let product = k * part;
@@ -98,5 +99,32 @@ impl<'k> Quadrant<'k> {
             ],
         );
         1.0 + (self.square * self.square.polynomial(coefficients) + self.r * self.t)
+    }
+
+    /// tan(r − t) = r − (t − r·(r²·T(r²))), and what rounding the outer difference takes from it. Relative error of the
+    /// polynomial 2⁻²⁹·⁵, 2⁻⁵⁶.
+    fn tangent(&self) -> (Real<'k>, Real<'k>) {
+        let coefficients: &[f64] = self.r.by(
+            &[0.333_333_5, 0.133_326_75, 0.054_058_95, 0.021_285_817, 0.010_828_919, 9.586_296e-5, 0.004_374_095_7],
+            &[
+                0.333_333_333_333_327_7,
+                0.133_333_333_334_155_62,
+                0.053_968_253_926_223_93,
+                0.021_869_489_619_588_033,
+                0.008_863_219_015_510_453,
+                0.003_592_290_419_563_009_5,
+                0.001_454_749_817_404_943,
+                0.000_595_099_087_024_770_6,
+                0.000_222_278_341_292_165_25,
+                0.000_136_734_998_853_411_53,
+                -2.668_203_572_767_012e-5,
+                8.972_485_713_604_797e-5,
+                -4.502_401_456_356_335e-5,
+                2.089_880_622_677_885e-5,
+            ],
+        );
+        let correction = self.t - self.r * (self.square * self.square.polynomial(coefficients));
+        let tangent = self.r - correction;
+        (tangent, (self.r - tangent) - correction)
     }
 }

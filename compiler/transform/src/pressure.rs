@@ -1,6 +1,6 @@
-//! How many values are alive at once: what decides the order of emission and how many vectors a target works on.
+//! How many values are alive at once: what decides the order of emission.
 
-use crate::{Graph, Node, NodeId};
+use isograd_graph::{Graph, Node, NodeId};
 
 /// The largest number of values that are alive at once when a target computes the nodes in order. Constants do not
 /// count: targets put them where they are used. What a loop reads from outside lives until the loop's end.
@@ -34,8 +34,7 @@ pub fn max_live(graph: &Graph) -> usize {
 
 /// The position after which each value is not read again; its own position if it never is. Outputs are read where
 /// they are made: a target stores them at once.
-#[must_use]
-pub fn last_uses(graph: &Graph) -> Vec<NodeId> {
+fn last_uses(graph: &Graph) -> Vec<NodeId> {
     let mut last: Vec<NodeId> = graph.iter().map(|(id, _)| id).collect();
     let mut loops: Vec<(NodeId, NodeId)> = Vec::new();
     for (at, node) in graph.iter() {

@@ -1,0 +1,119 @@
+//! `isograd check` and `isograd compile`: bad programs, exit codes, modules, steps, libraries.
+
+mod common;
+
+use common::Dir;
+
+const BALL: &str = "export fn ball(at: vec3, radius: real) -> real { length(at) - radius }\n";
+
+#[test]
+fn a_sound_program_passes_without_a_word() {
+    assert_eq!(Dir::with(BALL).run(&["check", "main.vola"]).ok(), "");
+    assert_eq!(Dir::with(BALL).run(&["check", "main.vola", "--json"]).ok(), "[]\n");
+}
+
+#[test]
+fn bad_programs_are_coded_diagnostics_with_a_place() {
+    let items = "concept D: real -> real; entity Line(); operation P(); operation Q();\n";
+    let cycle =
+        "impl P<s> for D(x) { csg t = Q(){ s }; eval t.D(x) } impl Q<s> for D(x) { csg t = P(){ s }; eval t.D(x) }\n";
+    let deep = format!("export fn f(x: real) -> real {{ {}x{} }}", "(".repeat(100_000), ")".repeat(100_000));
+    let long = format!("{BALL}// {}", "x".repeat(10_000_000));
+    let cases = [
+        ("export fn f(x: real -> real { x }", "E02"),
+        ("export fn f(x: real) -> real { y }", "E0301"),
+        ("export fn f(x: real) -> real { x + 1 }", "E0401"),
+        ("fn a(x: real) -> real { b(x) } fn b(x: real) -> real { a(x) } export fn f(x: real) -> real { x }", "E0506"),
+        ("module self::missing;\nexport fn f(x: real) -> real { x }", "E0307"),
+        (&format!("{items}export fn f(x: real) -> real {{ csg e = Line(); eval e.D(x) }}"), "E0605"),
+        (&format!("{items}{cycle}export fn f(x: real) -> real {{ csg e = P(){{ Line() }}; eval e.D(x) }}"), "E0607"),
+        (&deep, "E1004"),
+        (&long, "E1001"),
+    ];
+    for (text, code) in cases {
+        let dir = Dir::with(text);
+        let began = std::time::Instant::now();
+        dir.run(&["check", "main.vola"]).fails_with(1, &[&format!("error[{code}"), "main.vola"]);
+        let json = dir.run(&["check", "main.vola", "--json"]);
+        assert_eq!((json.code, json.err.as_str()), (Some(1), ""), "{json:?}");
+        let found: serde_json::Value = serde_json::from_str(&json.out).unwrap();
+        assert!(found[0]["code"].as_str().unwrap().starts_with(code), "{found}");
+        dir.run(&["compile", "main.vola"]).fails_with(1, &[&format!("error[{code}")]);
+        dir.run(&["eval", "main.vola", "--args", "1"]).fails_with(1, &[&format!("error[{code}")]);
+        assert!(began.elapsed().as_secs() < 20, "{code}: {:?}", began.elapsed());
+    }
+}
+
+#[test]
+fn what_is_no_text_and_what_is_no_file() {
+    let dir = Dir::new();
+    std::fs::write(dir.0.join("main.vola"), b"export fn f\xFF").unwrap();
+    dir.run(&["check", "main.vola"]).fails_with(1, &["E0101"]);
+    dir.run(&["check", "other.vola"]).fails_with(1, &["cannot read `other.vola`"]);
+    dir.run(&["check", "."]).fails_with(1, &["cannot read `.`"]);
+}
+
+#[test]
+fn a_missing_module_shows_what_was_tried() {
+    let dir = Dir::with("module self::shapes::ball;\nexport fn f(x: real) -> real { x }\n");
+    dir.run(&["check", "main.vola"]).fails_with(1, &["E0307", "tried `./shapes/ball.vola`"]);
+}
+
+#[test]
+fn modules_are_found_beside_above_and_in_libraries() {
+    let dir = Dir::new();
+    dir.write("app/main.vola", "module self::part;\nmodule self::super::common;\nmodule self::super::app::part;\nmodule ext::deep::ball;\nexport fn f(x: real) -> real { part(x) + common(x) + ball(x) }\n");
+    dir.write("app/part.vola", "fn part(x: real) -> real { x }\n");
+    dir.write("common.vola", "fn common(x: real) -> real { 10.0 * x }\n");
+    dir.write("lib/deep/ball.vola", "fn ball(x: real) -> real { 100.0 * x }\n");
+    let ran = dir.run(&["eval", "app/main.vola", "--library", "ext=lib", "--args", "1", "--format", "csv"]);
+    assert_eq!(ran.ok(), "value\n111.0\n");
+    dir.run(&["check", "app/main.vola"]).fails_with(1, &["E0306", "ext"]);
+    dir.run(&["check", "app/main.vola", "--library", "ext=lib", "--library", "ext=lib"]).fails(2);
+}
+
+#[test]
+fn compile_writes_a_module_for_every_export() {
+    let dir = Dir::with(&format!("{BALL}export fn twice(x: real) -> real {{ x * 2.0 }}\n"));
+    let ran = dir.run(&["compile", "main.vola", "--out-dir", "out"]);
+    assert_eq!((ran.code, ran.out.as_str()), (Some(0), ""), "{ran:?}");
+    assert!(ran.err.contains("out/ball.wasm") && ran.err.contains("operations"), "{ran:?}");
+    for name in ["ball", "twice"] {
+        assert!(std::fs::read(dir.0.join(format!("out/{name}.wasm"))).unwrap().starts_with(b"\0asm"));
+    }
+    let one = dir.run(&["compile", "main.vola", "--export", "ball", "--query", "gradient(at)", "-o", "g.wasm"]);
+    assert_eq!(one.code, Some(0), "{one:?}");
+    assert!(std::fs::read(dir.0.join("g.wasm")).unwrap().starts_with(b"\0asm"));
+    dir.run(&["compile", "main.vola", "-o", "x.wasm"]).fails_with(2, &["`ball`, `twice`", "--out-dir"]);
+    dir.run(&["compile", "main.vola", "--export", "cube"]).fails_with(1, &["`cube`", "`ball`, `twice`"]);
+    dir.run(&["compile", "main.vola", "--query", "gradient(at)"]).fails_with(1, &["`at`", "`twice`"]);
+    dir.run(&["compile", "main.vola", "-o", "x", "--out-dir", "y"]).fails(2);
+    dir.run(&["compile", "main.vola", "--export", "ball", "-o", "no/such/x.wasm"]).fails_with(1, &["no/such/x.wasm"]);
+}
+
+#[test]
+fn every_step_can_be_shown() {
+    let dir = Dir::with(BALL);
+    for step in isograd_compiler::STEPS.iter().chain(&["parse", "tree", "program", "graph", "wat"]) {
+        let ran = dir.run(&["compile", "main.vola", "--query", "gradient(at)", "--emit", step]);
+        assert!(ran.ok().ends_with('\n') && ran.out.len() > 20, "{step}: {ran:?}");
+    }
+    dir.run(&["compile", "main.vola", "--emit", "soup"]).fails_with(2, &["soup", "optimise", "graph"]);
+    let graph = dir.run(&["compile", "main.vola", "--emit", "graph", "-o", "graph.txt"]);
+    assert_eq!(graph.ok(), "");
+    assert_eq!(
+        std::fs::read_to_string(dir.0.join("graph.txt")).unwrap(),
+        dir.run(&["compile", "main.vola", "--emit", "graph"]).out
+    );
+}
+
+#[test]
+fn timings_list_the_steps_in_order() {
+    let dir = Dir::with(BALL);
+    let ran = dir.run(&["compile", "main.vola", "--timings", "-o", "x.wasm"]);
+    assert_eq!(ran.code, Some(0));
+    let mut places = isograd_compiler::STEPS.iter().map(|s| ran.err.find(&format!("\n{s} ")));
+    let mut last = None;
+    assert!(places.all(|p| p.is_some() && std::mem::replace(&mut last, p) < p), "{}", ran.err);
+    assert!(ran.err.contains("\ntotal") && ran.err.contains('%'), "{}", ran.err);
+}

@@ -1,0 +1,73 @@
+//! Artefacts of hand-built graphs, without the language.
+
+#![allow(dead_code, clippy::pedantic, reason = "shared by programs of which each uses a part")]
+
+use isograd_compiler::{Artefact, Column, ColumnType, Manifest, Port, Rate};
+use isograd_graph::{Builder, Mode, NodeId, Precision, Scalar, Unwatched, verify};
+use isograd_wasm::{Options, Plan, Slot, Vectors};
+
+/// The artefact of a graph with these inputs varying. Each scalar is a port of its own.
+pub fn artefact(
+    precision: Precision,
+    varying: &[bool],
+    vectors: Option<Vectors>,
+    build: impl FnOnce(&mut Builder<'_>),
+) -> Artefact {
+    let mut builder = Builder::new(Mode::Real(precision), 1_000_000, &Unwatched);
+    build(&mut builder);
+    let graph = verify(builder.finish().expect("within budget")).expect("well formed");
+    let plan = Plan::new(&graph, &Options { precision, varying, vectors }).expect("plans");
+    let (layout, facts) = (plan.layout().clone(), plan.facts());
+    let module = plan.emit(b"").expect("emits");
+    let port = |name: &str, slot: &Slot| {
+        let scalar = match slot.scalar {
+            Scalar::Real => ColumnType::Real,
+            Scalar::Int => ColumnType::Int,
+            Scalar::Bool => ColumnType::Bool,
+        };
+        Port {
+            name: name.to_owned(),
+            ty: slot.scalar.to_string(),
+            rate: if slot.varying { Rate::Varying } else { Rate::Uniform },
+            columns: vec![Column { name: name.to_owned(), scalar, offset: slot.offset }],
+        }
+    };
+    // An id of its own for every module: the runtime's cache goes by it.
+    let id =
+        module.bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3));
+    let manifest = Manifest {
+        compiler: "test".to_owned(),
+        id: format!("{id:016x}"),
+        export: "f".to_owned(),
+        precision: precision.name().to_owned(),
+        inputs: graph.inputs.iter().zip(&layout.inputs).map(|(input, slot)| port(&input.name, slot)).collect(),
+        outputs: graph.outputs.iter().zip(&layout.outputs).map(|(output, slot)| port(&output.name, slot)).collect(),
+        block: layout.block,
+        pad: layout.pad,
+        memory: layout.memory,
+        operations: facts.operations as u32,
+        unbounded: facts.long_loop,
+    };
+    Artefact { bytes: module.bytes, manifest, warnings: Vec::new() }
+}
+
+/// √(x² + y² + z²) − r, and its partial derivatives by x, y and z if wanted.
+pub fn sphere(b: &mut Builder<'_>, gradient: bool) {
+    let at: Vec<NodeId> = ["x", "y", "z"].iter().map(|name| b.input(*name, Scalar::Real)).collect();
+    let r = b.input("r", Scalar::Real);
+    let squares: Vec<NodeId> = at.iter().map(|x| b.mul(*x, *x)).collect();
+    let sum = b.add(squares[0], squares[1]);
+    let sum = b.add(sum, squares[2]);
+    let length = b.sqrt(sum);
+    let value = b.sub(length, r);
+    b.output("value", value);
+    if gradient {
+        let zero = b.real(0.0);
+        let none = b.eq(length, zero);
+        for (name, x) in ["dx", "dy", "dz"].into_iter().zip(at) {
+            let quotient = b.div(x, length);
+            let unit = b.select(none, zero, quotient);
+            b.output(name, unit);
+        }
+    }
+}

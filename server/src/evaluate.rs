@@ -1,0 +1,116 @@
+//! The one place where values meet a compiled request: columns in, outputs out, for the command line and HTTP alike.
+//! Knows the runtime's interface; knows nothing of JSON, CSV or tables.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use isograd_compiler::{Artefact, ColumnType, Export, Request};
+use isograd_runtime::{Column, EvalError, EvalOptions, Kernel, LoadError, Runtime, Values};
+
+use crate::limits::LimitValue;
+use crate::outputs::{Numbers, Output, OutputColumn, Outputs};
+use crate::values::Inputs;
+
+/// Why an evaluation gave nothing.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum EvaluateError {
+    /// It took too long.
+    #[error("the evaluation took too long")]
+    Deadline,
+    /// The runtime will not run this: the module is too large, or there are too many results.
+    #[error("{message}")]
+    Refused {
+        /// What is too much.
+        message: String,
+        /// The limit, if it has a name.
+        limit: Option<LimitValue>,
+    },
+    /// A mistake of ours.
+    #[error("{0}")]
+    Internal(String),
+}
+
+/// Makes native code of a module, or finds it.
+///
+/// # Errors
+/// If the runtime refuses it.
+pub fn load(runtime: &Runtime, artefact: &Artefact) -> Result<Arc<Kernel>, EvaluateError> {
+    runtime.load(artefact).map_err(|error| {
+        let message = error.to_string();
+        let limit = |name, limit: u32| Some(LimitValue { name, value: u64::from(limit) });
+        match error {
+            LoadError::Operations { limit: most, .. } => {
+                EvaluateError::Refused { message, limit: limit("max_operations", most) }
+            }
+            LoadError::Memory { limit: most, .. } => {
+                EvaluateError::Refused { message, limit: limit("max_memory", most) }
+            }
+            LoadError::Module(_) => EvaluateError::Internal(message),
+        }
+    })
+}
+
+/// Gives a request the rates that the inputs have.
+pub fn set_rates(request: &mut Request, export: &Export, inputs: &Inputs) {
+    let rates = export.parameters.iter().zip(&inputs.values).map(|(p, v)| (p.name.clone(), v.rate));
+    request.rates = rates.collect();
+}
+
+/// Evaluates. The kernel must be of a request with the rates of the inputs.
+///
+/// # Errors
+/// If it takes longer than `time`, or fails.
+pub fn run(kernel: &Kernel, inputs: &Inputs, time: Option<Duration>) -> Result<Outputs, EvaluateError> {
+    let manifest = kernel.manifest();
+    let kinds = manifest.inputs.iter().flat_map(|port| &port.columns).map(|c| c.scalar);
+    let given = inputs.values.iter().flat_map(|values| &values.columns);
+    // Ints and truth values have to be made; reals are taken as they are.
+    let ints: Vec<Vec<i32>> = given.clone().zip(kinds.clone()).map(|(column, kind)| integers(kind, column)).collect();
+    let columns: Vec<Values<'_>> = given
+        .zip(kinds)
+        .zip(&ints)
+        .map(|((column, kind), ints)| match kind {
+            ColumnType::Real => Values::F64(column),
+            ColumnType::Int | ColumnType::Bool => Values::I32(ints),
+        })
+        .collect();
+    let options = EvalOptions { deadline: time.and_then(|t| Instant::now().checked_add(t)), ..EvalOptions::default() };
+    let computed = if inputs.points == 0 {
+        manifest.outputs.iter().flat_map(|port| &port.columns).map(|_| Column::F32(Vec::new())).collect()
+    } else {
+        kernel.evaluate(&columns, inputs.points, &options).map_err(|error| match error {
+            EvalError::Deadline => EvaluateError::Deadline,
+            EvalError::Memory { .. } => EvaluateError::Refused { message: error.to_string(), limit: None },
+            error => EvaluateError::Internal(error.to_string()),
+        })?
+    };
+    let mut computed = computed.into_iter();
+    let outputs = manifest.outputs.iter().map(|port| Output {
+        name: port.name.clone(),
+        ty: port.ty.clone(),
+        columns: port
+            .columns
+            .iter()
+            .zip(computed.by_ref())
+            .map(|(column, computed)| OutputColumn {
+                name: column.name.clone(),
+                numbers: match (computed, column.scalar) {
+                    (Column::F32(x), _) => Numbers::F32(x),
+                    (Column::F64(x), _) => Numbers::F64(x),
+                    (Column::I32(x), ColumnType::Bool) => Numbers::Bool(x),
+                    (Column::I32(x), _) => Numbers::Int(x),
+                },
+            })
+            .collect(),
+    });
+    Ok(Outputs { export: manifest.export.clone(), points: inputs.points, outputs: outputs.collect() })
+}
+
+/// A column of ints or truth values; nothing for one of reals.
+#[expect(clippy::cast_possible_truncation, reason = "what is no int was refused when the values were read")]
+fn integers(kind: ColumnType, column: &[f64]) -> Vec<i32> {
+    match kind {
+        ColumnType::Real => Vec::new(),
+        ColumnType::Int | ColumnType::Bool => column.iter().map(|x| *x as i32).collect(),
+    }
+}

@@ -1,0 +1,143 @@
+//! The laws over the whole table of operations and over random graphs.
+
+#![allow(clippy::pedantic, reason = "tests")]
+
+use isograd_graph::{Op, Precision, Scalar, Value};
+use isograd_testkit::laws::{self, Count};
+use isograd_testkit::points::{Random, grid, in_domain, surprises};
+use isograd_testkit::random::{self, INPUTS, Shape};
+
+const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
+
+/// Values that random choice might not bring together, for each kind.
+fn special(scalar: Scalar, precision: Precision, few: bool) -> Vec<Value> {
+    let reals = [
+        0.0, -0.0, 1.0, -1.0, 0.5, -2.5, 3.0, 1e-40, -5e-324, 1e30, 3.4e38, 1.7e308, 2147483648.0, -2147483649.0,
+        f64::INFINITY, f64::NEG_INFINITY, f64::NAN,
+    ];
+    let ints = [0, 1, -1, 2, 7, -7, 200, -2000, i32::MAX, i32::MIN, i32::MIN + 1];
+    match scalar {
+        Scalar::Real => reals.iter().step_by(if few { 3 } else { 1 }).map(|x| Value::Real(precision.round(*x))).collect(),
+        Scalar::Int => ints.iter().map(|x| Value::Int(*x)).collect(),
+        Scalar::Bool => vec![Value::Bool(false), Value::Bool(true)],
+    }
+}
+
+/// Special values against each other, surprising ones, and the domain.
+fn operands(op: Op, precision: Precision) -> Vec<Vec<Value>> {
+    let kinds = op.def().operands;
+    let candidates: Vec<_> = kinds.iter().map(|s| special(*s, precision, kinds.len() > 2)).collect();
+    let mut rows = grid(&candidates, 1500);
+    rows.extend(surprises(kinds, precision, 300, 11));
+    let round = |v: Value| match v {
+        Value::Real(x) => Value::Real(precision.round(x)),
+        other => other,
+    };
+    rows.extend(in_domain(op.def(), 200, 12).into_iter().map(|row| row.into_iter().map(round).collect()));
+    rows
+}
+
+fn holds(judgement: laws::Judgement) -> Count {
+    judgement.unwrap_or_else(|failure| panic!("{failure}"))
+}
+
+#[test]
+fn every_rule_is_its_derivative() {
+    let mut all = Count::default();
+    let mut judged = 0;
+    for (k, op) in Op::ALL.iter().enumerate() {
+        let count = holds(laws::derivative(*op, op.def(), 300, k as u64));
+        judged += usize::from(count.judged > 0);
+        all += count;
+    }
+    println!("derivative: {judged} operations, {all:?}");
+    assert!(judged >= 30);
+}
+
+#[test]
+fn every_operation_keeps_the_conventions_through_the_pipeline() {
+    let mut all = Count::default();
+    for op in Op::ALL {
+        all += holds(laws::at_kinks(*op, 5));
+    }
+    println!("at_kinks: {all:?}");
+    assert!(all.judged > 300);
+}
+
+#[test]
+fn every_operation_is_the_same_in_webassembly() {
+    let mut all = Count::default();
+    for precision in PRECISIONS {
+        for op in Op::ALL {
+            let graph = laws::kernels_of(*op, precision).unwrap();
+            let points = operands(*op, precision);
+            all += holds(laws::wasm_equals_reference(&graph, &points));
+            holds(laws::neighbours(&graph, &points[..points.len().min(60)], 3));
+        }
+    }
+    println!("wasm_equals_reference: {all:?}");
+}
+
+fn graph_points(precision: Precision, n: usize, seed: u64) -> Vec<Vec<Value>> {
+    let mut random = Random::new(seed);
+    let mut rows = surprises(&INPUTS, precision, n / 2, seed);
+    rows.extend((0..n - n / 2).map(|_| {
+        let value = |s: &Scalar| match random.value_within(*s, (-2.0, 3.0)) {
+            Value::Real(x) => Value::Real(precision.round(x)),
+            other => other,
+        };
+        INPUTS.iter().map(value).collect()
+    }));
+    rows
+}
+
+#[test]
+fn random_graphs_are_the_same_in_webassembly_and_optimised() {
+    let (mut wasm, mut optimised) = (Count::default(), Count::default());
+    for seed in 0..150 {
+        let shape = Shape { size: 25, depth: 3, transcendental: seed % 3 == 0, tame: seed % 2 == 0 };
+        let graph = random::graph(seed, &shape);
+        for precision in PRECISIONS {
+            let points = graph_points(precision, 40, seed);
+            optimised += holds(laws::optimised_equals_plain(&graph, precision, &points));
+            let ready = laws::finished(&graph, precision, seed % 2 == 0).unwrap_or_else(|e| panic!("{e}"));
+            wasm += holds(laws::wasm_equals_reference(&ready, &points));
+            if seed % 4 == 0 {
+                holds(laws::neighbours(&ready, &points, seed));
+            }
+        }
+    }
+    println!("random graphs: wasm {wasm:?}, optimised {optimised:?}");
+}
+
+fn tame_points(n: usize, seed: u64) -> Vec<Vec<Value>> {
+    let mut random = Random::new(seed);
+    (0..n).map(|_| INPUTS.iter().map(|s| random.value_within(*s, (-2.0, 3.0))).collect()).collect()
+}
+
+#[test]
+fn derivatives_of_random_graphs_are_dual_numbers() {
+    let mut all = Count::default();
+    for seed in 0..300 {
+        let shape = Shape { size: 25, depth: 3, transcendental: seed % 2 == 0, tame: true };
+        let graph = random::graph(seed, &shape);
+        let points = tame_points(6, seed);
+        all += holds(laws::pipeline_derivative(&graph, &points));
+        if seed % 5 == 0 {
+            all += holds(laws::oracles_agree(&graph, &points[..2]));
+        }
+    }
+    println!("pipeline_derivative: {all:?}");
+    holds(all.at_least(50, "pipeline_derivative", "random graphs"));
+}
+
+#[test]
+fn derivatives_by_values_on_the_way_are_dual_numbers() {
+    let mut all = Count::default();
+    for seed in 0..300 {
+        let shape = Shape { size: 30, depth: 2, transcendental: seed % 2 == 0, tame: true };
+        all += holds(laws::derivative_by_values(seed, &shape, &tame_points(6, seed)));
+    }
+    println!("derivative_by_values: {all:?}");
+    holds(all.at_least(50, "derivative_by_values", "random graphs"));
+}
