@@ -83,15 +83,21 @@ impl Loader for MemoryLoader {
         library.to_owned()
     }
 
+    fn allows(&self, at: &ModulePath) -> bool {
+        at.ups as usize <= self.directory().len()
+    }
+
     fn read(&self, at: &ModulePath) -> Result<Vec<u8>, String> {
-        let mut directory: Vec<&str> = self.base.split('/').filter(|s| !s.is_empty()).collect();
-        let ups = at.ups as usize;
-        if ups > directory.len() {
-            return Err("the path leaves the program's directory".to_owned());
-        }
-        directory.truncate(directory.len() - ups);
+        let mut directory = self.directory();
+        directory.truncate(directory.len().saturating_sub(at.ups as usize));
         directory.extend(at.path.iter().map(String::as_str));
         let path = format!("{}.vola", directory.join("/"));
         self.files.get(&path).cloned().ok_or_else(|| format!("no file `{path}` in the program"))
+    }
+}
+
+impl MemoryLoader {
+    fn directory(&self) -> Vec<&str> {
+        self.base.split('/').filter(|s| !s.is_empty()).collect()
     }
 }

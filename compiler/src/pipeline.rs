@@ -230,7 +230,7 @@ fn run(
     let plan = Plan::new(&verified, &emission).map_err(|e| vec![unemittable(&e)])?;
 
     watch.step("seal");
-    let identity = Identity::of(&checked.digest, request);
+    let identity = Identity::of(&checked.digest, request, &wanting);
     let manifest = seal::manifest(&identity, request, &wanting, plan.layout(), plan.facts());
     let custom = serde_json::to_vec(&manifest).unwrap_or_default();
     let bytes = plan.emit(&custom).map_err(|e| vec![unemittable(&e)])?.bytes;

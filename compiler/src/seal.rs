@@ -23,14 +23,15 @@ pub struct Identity {
 
 impl Identity {
     /// The identity of a request for the program with this digest.
-    pub fn of(program: &str, request: &Request) -> Self {
+    pub fn of(program: &str, request: &Request, wanting: &Wanting) -> Self {
         Self {
             compiler: env!("CARGO_PKG_VERSION"),
             program: program.to_owned(),
             export: request.export.clone(),
             queries: request.queries.iter().map(ToString::to_string).collect(),
             precision: request.precision.name(),
-            rates: request.rates.iter().map(|(name, rate)| (name.clone(), *rate)).collect(),
+            // As resolved: a default that is spelled out changes nothing.
+            rates: wanting.parameters.iter().map(|(name, _, rate)| (name.clone(), *rate)).collect(),
             target: request.target,
         }
     }

@@ -98,6 +98,8 @@ fn every_field_of_a_request_changes_its_id() {
     let plain = request(&["value"]);
     let mut ids = vec![id(&program, &plain)];
     assert_eq!(ids[0], id(&checked(SPHERE), &plain), "the same request has the same id");
+    let spelled_out = Request { rates: [("at".into(), Rate::Varying)].into(), ..plain.clone() };
+    assert_eq!(ids[0], id(&program, &spelled_out), "a default that is spelled out changes nothing");
     ids.push(id(&program, &request(&["gradient(at)"])));
     ids.push(id(&program, &Request { precision: isograd_compiler::Precision::F64, ..plain.clone() }));
     ids.push(id(&program, &Request { rates: [("radius".into(), Rate::Varying)].into(), ..plain.clone() }));

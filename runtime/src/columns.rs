@@ -123,7 +123,14 @@ fn copy<T: bytemuck::Pod>(to: &mut [T], bytes: &[u8]) {
 
 /// Fills `count` elements of a column in the module's memory from `from` on (the one number again and again if there
 /// is only one), and `padded − count` more with copies of the last.
-pub(crate) fn put(values: Values<'_>, precision: Precision, from: usize, count: usize, padded: usize, bytes: &mut [u8]) {
+pub(crate) fn put(
+    values: Values<'_>,
+    precision: Precision,
+    from: usize,
+    count: usize,
+    padded: usize,
+    bytes: &mut [u8],
+) {
     match (values, precision) {
         (Values::F32(x), Precision::F32) => fill(x, from, count, padded, bytes, |x| x),
         (Values::F64(x), Precision::F64) => fill(x, from, count, padded, bytes, |x| x),

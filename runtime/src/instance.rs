@@ -38,6 +38,9 @@ impl Instance {
         let memory = instance
             .get_memory(&mut store, "memory")
             .ok_or_else(|| EvalError::Instance("the module has no memory".to_owned()))?;
+        if memory.data_size(&store) != manifest.memory as usize {
+            return Err(EvalError::Instance("the memory is not as large as the manifest says".to_owned()));
+        }
         let block = manifest.block as usize;
         let place = |ports: &[isograd_compiler::Port]| {
             let columns = ports.iter().flat_map(|port| port.columns.iter().map(move |column| (port, column)));

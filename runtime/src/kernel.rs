@@ -92,8 +92,18 @@ impl Kernel {
             "f64" => Precision::F64,
             other => return Err(LoadError::Module(format!("unknown precision `{other}`"))),
         };
-        if manifest.block == 0 || manifest.pad == 0 || manifest.block % manifest.pad != 0 {
+        if manifest.block == 0 || manifest.pad == 0 || !manifest.block.is_multiple_of(manifest.pad) {
             return Err(LoadError::Module("the manifest's block is no multiple of its pad".to_owned()));
+        }
+        // Columns outside of the memory would be read as nothing, and written to no effect.
+        for port in manifest.inputs.iter().chain(&manifest.outputs) {
+            let elements = if port.rate == Rate::Varying { u64::from(manifest.block) } else { 1 };
+            for column in &port.columns {
+                let end = u64::from(column.offset) + elements * manifest.element(column.scalar) as u64;
+                if !column.offset.is_multiple_of(16) || end > u64::from(manifest.memory) {
+                    return Err(LoadError::Module(format!("the column `{}` does not lie in the memory", column.name)));
+                }
+            }
         }
         Ok(Self { module, manifest, precision, weight, idle: Mutex::new(Vec::new()) })
     }
@@ -134,8 +144,7 @@ impl Kernel {
         if bytes > MAX_RESULTS {
             return Err(EvalError::Memory { points, bytes });
         }
-        let mut columns: Vec<Column> =
-            outputs().map(|c| Column::zeros(c.scalar, self.precision, points)).collect();
+        let mut columns: Vec<Column> = outputs().map(|c| Column::zeros(c.scalar, self.precision, points)).collect();
         let block = self.manifest.block as usize;
         let mut blocks: Vec<Vec<Piece<'_>>> = (0..points.div_ceil(block)).map(|_| Vec::new()).collect();
         for column in &mut columns {

@@ -194,6 +194,25 @@ fn limits_refuse_before_compiling() {
     assert!(matches!(Runtime::default().load(&broken), Err(LoadError::Module(_))));
 }
 
+/// A manifest is read from files: it may say anything.
+#[test]
+fn manifests_that_do_not_fit_are_refused() {
+    let good = artefact(Precision::F32, &[true, true, true, false], None, |b| sphere(b, true));
+    let refused = |change: &dyn Fn(&mut isograd_compiler::Manifest)| {
+        let mut wrong = good.clone();
+        change(&mut wrong.manifest);
+        matches!(Runtime::default().load(&wrong), Err(LoadError::Module(_)))
+    };
+    assert!(!refused(&|_| {}));
+    assert!(refused(&|m| m.outputs[0].columns[0].offset = m.memory));
+    assert!(refused(&|m| m.inputs[1].columns[0].offset += 1));
+    assert!(refused(&|m| m.pad = 3));
+    let mut larger = good.clone();
+    larger.manifest.memory += 65_536;
+    let kernel = Runtime::default().load(&larger).expect("compiles");
+    assert!(matches!(kernel.instance(), Err(EvalError::Instance(_))));
+}
+
 #[test]
 fn an_instance_computes_in_place() {
     let runtime = Runtime::default();

@@ -21,8 +21,7 @@ pub struct Shape {
 }
 
 /// Real and int inputs of a random graph; one bool follows them.
-pub const INPUTS: [Scalar; 6] =
-    [Scalar::Real, Scalar::Real, Scalar::Real, Scalar::Int, Scalar::Int, Scalar::Bool];
+pub const INPUTS: [Scalar; 6] = [Scalar::Real, Scalar::Real, Scalar::Real, Scalar::Int, Scalar::Int, Scalar::Bool];
 
 /// What was grown, all in the outermost region.
 #[derive(Debug, Clone)]
@@ -278,7 +277,6 @@ impl Gardener<'_, '_, '_> {
         (lo, hi)
     }
 }
-
 
 #[cfg(test)]
 mod tests {

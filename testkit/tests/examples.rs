@@ -51,7 +51,10 @@ fn the_list_is_complete() {
 fn each_compiles_without_a_diagnostic_and_says_how_to_run_it() {
     for (name, _) in EXAMPLES {
         let text = source(name);
-        assert!(text.starts_with("//") && text.contains(&format!("isograd eval examples/{name}")), "{name}: no command");
+        assert!(
+            text.starts_with("//") && text.contains(&format!("isograd eval examples/{name}")),
+            "{name}: no command"
+        );
         let checked = support::check(&text);
         assert!(checked.diagnostics.is_empty(), "{name}: {}", support::listed(&checked.diagnostics));
         for export in checked.exports() {

@@ -12,12 +12,29 @@ const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
 /// Values that random choice might not bring together, for each kind.
 fn special(scalar: Scalar, precision: Precision, few: bool) -> Vec<Value> {
     let reals = [
-        0.0, -0.0, 1.0, -1.0, 0.5, -2.5, 3.0, 1e-40, -5e-324, 1e30, 3.4e38, 1.7e308, 2147483648.0, -2147483649.0,
-        f64::INFINITY, f64::NEG_INFINITY, f64::NAN,
+        0.0,
+        -0.0,
+        1.0,
+        -1.0,
+        0.5,
+        -2.5,
+        3.0,
+        1e-40,
+        -5e-324,
+        1e30,
+        3.4e38,
+        1.7e308,
+        2147483648.0,
+        -2147483649.0,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::NAN,
     ];
     let ints = [0, 1, -1, 2, 7, -7, 200, -2000, i32::MAX, i32::MIN, i32::MIN + 1];
     match scalar {
-        Scalar::Real => reals.iter().step_by(if few { 3 } else { 1 }).map(|x| Value::Real(precision.round(*x))).collect(),
+        Scalar::Real => {
+            reals.iter().step_by(if few { 3 } else { 1 }).map(|x| Value::Real(precision.round(*x))).collect()
+        }
         Scalar::Int => ints.iter().map(|x| Value::Int(*x)).collect(),
         Scalar::Bool => vec![Value::Bool(false), Value::Bool(true)],
     }
@@ -108,6 +125,35 @@ fn random_graphs_are_the_same_in_webassembly_and_optimised() {
         }
     }
     println!("random graphs: wasm {wasm:?}, optimised {optimised:?}");
+}
+
+/// Graphs as programs have them: with derivatives, which share much with the values.
+#[test]
+fn derivatives_of_random_graphs_are_the_same_in_webassembly_and_optimised() {
+    let (mut wasm, mut optimised) = (Count::default(), Count::default());
+    for seed in 1000..1040 {
+        let shape = Shape { size: 15, depth: 2, transcendental: seed % 4 == 0, tame: seed % 3 != 0 };
+        let graph = laws::expanded_derivatives(&random::graph(seed, &shape)).unwrap_or_else(|e| panic!("{e}"));
+        for precision in PRECISIONS {
+            let points = graph_points(precision, 30, seed);
+            optimised += holds(laws::optimised_equals_plain(&graph, precision, &points));
+            let ready = laws::finished(&graph, precision, true).unwrap_or_else(|e| panic!("{e}"));
+            wasm += holds(laws::wasm_equals_reference(&ready, &points));
+        }
+    }
+    println!("derivatives of random graphs: wasm {wasm:?}, optimised {optimised:?}");
+}
+
+/// In f64, where constants are not rounded, and without kernels, no step of the pipeline changes a bit.
+#[test]
+fn no_step_changes_a_bit() {
+    let mut all = Count::default();
+    for seed in 2000..2300 {
+        let shape = Shape { size: 40, depth: 3, transcendental: false, tame: seed % 2 == 0 };
+        let graph = random::graph(seed, &shape);
+        all += holds(laws::finished_equals_raw(&graph, &graph_points(Precision::F64, 20, seed)));
+    }
+    println!("finished_equals_raw: {all:?}");
 }
 
 fn tame_points(n: usize, seed: u64) -> Vec<Vec<Value>> {

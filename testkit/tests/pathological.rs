@@ -62,8 +62,9 @@ fn generated(operations: usize, points: &[[f64; 3]]) -> (String, Vec<Vec<f64>>) 
     let mut count = 0;
     let mut last = 2;
     while count < operations {
-        // The newest value always takes part, so nothing is dead.
-        let (a, b) = (last, random.below(last + 1));
+        // The newest value always takes part, so nothing is dead; the other is mostly near, sometimes from long ago.
+        let far = if random.chance(25) { last + 1 } else { (last + 1).min(32) };
+        let (a, b) = (last, last - random.below(far));
         last += 1;
         let kind = random.below(7);
         let (formula, cost) = match kind {
@@ -84,13 +85,28 @@ fn generated(operations: usize, points: &[[f64; 3]]) -> (String, Vec<Vec<f64>>) 
                 0 => Dual::combine(a, 0.5, b, 0.5, (x + y) * 0.5),
                 1 => Dual::combine(a, y, b, x, x * y),
                 2 => Dual::combine(b, 0.5, a, -0.5, (y - x) * 0.5),
-                3 => if y < x { b } else { a },
-                4 => if x < y { b } else { a },
+                3 => {
+                    if y < x {
+                        b
+                    } else {
+                        a
+                    }
+                }
+                4 => {
+                    if x < y {
+                        b
+                    } else {
+                        a
+                    }
+                }
                 5 => {
                     let root = (x * x + 1.0).sqrt();
                     Dual::combine(a, x / root, b, -0.25, root - y * 0.25 - 0.5)
                 }
-                _ => Dual::combine(a, x.signum(), a, 0.0, x.abs() - 0.5),
+                _ => {
+                    let sign = if x == 0.0 { 0.0 } else { x.signum() };
+                    Dual::combine(a, sign, a, 0.0, x.abs() - 0.5)
+                }
             });
         }
     }
@@ -241,9 +257,8 @@ fn hostile_sources_are_answered_with_their_limit() {
         impl O<a> for D(x) { eval a.D(x) + 1.0 }
         export fn f(x: real) -> real { csg c = L(); for i in 0..1000000000 { c = O(){ L() }; } eval c.D(x) }";
     assert_eq!(error(loops), "E1006");
-    let wide = "export fn f(x: real) -> real { let m = x;\n".to_owned()
-        + &"m = diff(m * m * x, x);\n".repeat(9)
-        + "m }";
+    let wide =
+        "export fn f(x: real) -> real { let m = x;\n".to_owned() + &"m = diff(m * m * x, x);\n".repeat(9) + "m }";
     assert_eq!(error(&wide), "E1009");
 }
 

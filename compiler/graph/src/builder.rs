@@ -242,8 +242,9 @@ impl<'w> Builder<'w> {
         }
     }
 
-    /// In an exact builder, a constant rounded to `real`, for use beside a value that is not constant.
-    fn rounded(&mut self, id: NodeId) -> NodeId {
+    /// In an exact builder, a constant rounded to `real`, for use beside a value that is not constant. What a loop's
+    /// variables hold at first must be rounded before the loop begins, or the constant would lie inside.
+    pub fn rounded(&mut self, id: NodeId) -> NodeId {
         let Mode::Exact(precision) = self.mode else { return id };
         match self.value(id) {
             Some(Value::Real(x)) if precision.round(x).to_bits() != x.to_bits() && !x.is_nan() => {

@@ -25,7 +25,15 @@ impl<'g> Evaluator<'g> {
     /// Prepares a graph.
     #[must_use]
     pub fn new(graph: &'g Graph, precision: Precision) -> Self {
-        let values = graph.iter().map(|(id, _)| Value::zero(graph.scalar(id))).collect();
+        // Constants have their values from the beginning: what an iteration gives a variable may be one that stands
+        // after the loop's end.
+        let value = |(id, node)| match node {
+            Node::Real(bits) => Value::Real(precision.round(f64::from_bits(bits))),
+            Node::Int(x) => Value::Int(x),
+            Node::Bool(x) => Value::Bool(x),
+            _ => Value::zero(graph.scalar(id)),
+        };
+        let values = graph.iter().map(value).collect();
         let mut finals = vec![Vec::new(); graph.len()];
         for (_, node) in graph.iter() {
             if let Node::Final { end, carried, next } = node

@@ -200,6 +200,7 @@ impl<F: FnMut(&mut Builder<'_>, Op, &[NodeId]) -> NodeId> Copier<'_, '_, F> {
                     self.decide(at, Fate::Empty);
                     return NodeId(end.0 + 1);
                 }
+                self.round_inits(at, end);
                 self.builder.theta(lo, hi)
             }
             Node::Counter { .. } => self.builder.counter(),
@@ -215,6 +216,18 @@ impl<F: FnMut(&mut Builder<'_>, Op, &[NodeId]) -> NodeId> Copier<'_, '_, F> {
         };
         self.set(at, to);
         next
+    }
+
+    /// Rounds what the variables of a loop hold at first, while the builder is still outside of it.
+    fn round_inits(&mut self, theta: NodeId, end: NodeId) {
+        for index in theta.0 + 1..end.0 {
+            if let Some(Node::Carried { theta: of, init }) = self.graph.get(NodeId(index))
+                && of == theta
+            {
+                let init = self.to(init);
+                self.builder.rounded(init);
+            }
+        }
     }
 
     fn begin(&self, end: NodeId) -> NodeId {

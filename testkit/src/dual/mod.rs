@@ -14,7 +14,7 @@
 mod rules;
 
 use isograd_graph::ops::Kink;
-use isograd_graph::{Graph, Node, NodeId, Op, Value};
+use isograd_graph::{Graph, Node, NodeId, Op, Scalar, Value};
 
 use crate::points::Random;
 
@@ -112,7 +112,9 @@ pub struct Outcome {
     pub outputs: Vec<Cell>,
     /// A digest of all decisions: comparisons, operands chosen, sides taken, trips, integers rounded to.
     pub decisions: u64,
-    /// Whether an active operand came near a kink (LANGUAGE 13.6), or derivatives grew out of all bounds.
+    /// Whether an active operand came near a kink (LANGUAGE 13.6), derivatives grew out of all bounds, or a partial
+    /// derivative was infinite by an operand that depends on a seed on some way, be it not the one taken: the
+    /// pipeline then multiplies it by a 0 that is not structural.
     pub doubtful: bool,
 }
 
@@ -126,7 +128,13 @@ pub fn run(graph: &Graph, inputs: &[Value], seeds: Seeds, shake: Option<u64>) ->
     let mut machine = Machine {
         graph,
         cells: graph.iter().map(|(id, _)| Value::zero(graph.scalar(id)).into()).collect(),
-        arithmetic: Arithmetic { shake: shake.map(Random::new), decisions: 0xcbf2_9ce4_8422_2325, doubtful: false },
+        arithmetic: Arithmetic {
+            shake: shake.map(Random::new),
+            decisions: 0xcbf2_9ce4_8422_2325,
+            doubtful: false,
+            dependent: [false; 4],
+        },
+        dependent: dependent(graph, seeds),
         seeds,
     };
     let mut at = NodeId(0);
@@ -145,7 +153,50 @@ struct Machine<'g> {
     graph: &'g Graph,
     cells: Vec<Cell>,
     arithmetic: Arithmetic,
+    /// Per node whether it depends on a seed on some way.
+    dependent: Vec<bool>,
     seeds: Seeds,
+}
+
+/// Which nodes depend on a seed on some way through the graph. Sweeps until loops bring no news.
+fn dependent(graph: &Graph, seeds: Seeds) -> Vec<bool> {
+    let mut depends = vec![false; graph.len()];
+    for seed in [seeds.a, seeds.b].into_iter().flatten() {
+        depends[seed.index()] = true;
+    }
+    loop {
+        let mut news = Vec::new();
+        for (id, node) in graph.iter() {
+            let on = |x: NodeId| depends[x.index()];
+            let yes = match node {
+                Node::Apply(op, args) => {
+                    let args = args.as_slice();
+                    let reals = if op == Op::Copysign { &args[..1] } else { args };
+                    !rules::is_constant(op) && reals.iter().any(|x| on(*x))
+                }
+                Node::Fresh(x) => on(x),
+                Node::Join { then, otherwise, .. } => on(then) || on(otherwise),
+                Node::Carried { init, .. } => on(init),
+                Node::Final { carried, next, .. } => {
+                    if on(next) && !on(carried) {
+                        news.push(carried);
+                    }
+                    on(carried) || on(next)
+                }
+                _ => false,
+            };
+            if yes && graph.scalar(id) == Scalar::Real {
+                depends[id.index()] = true;
+            }
+        }
+        news.retain(|id| graph.scalar(*id) == Scalar::Real);
+        if news.is_empty() {
+            return depends;
+        }
+        for id in news {
+            depends[id.index()] = true;
+        }
+    }
 }
 
 impl Machine<'_> {
@@ -189,6 +240,9 @@ impl Machine<'_> {
             Node::Diff { .. } => return None,
             Node::Apply(op, args) => {
                 let operands: Vec<Cell> = args.as_slice().iter().map(|x| self.cell(*x)).collect();
+                for (place, x) in self.arithmetic.dependent.iter_mut().zip(args.as_slice()) {
+                    *place = self.dependent[x.index()];
+                }
                 let result = self.arithmetic.apply(op, &operands);
                 self.set(at, result);
             }
@@ -262,6 +316,8 @@ struct Arithmetic {
     shake: Option<Random>,
     decisions: u64,
     doubtful: bool,
+    /// Which operands of the operation depend on a seed on some way.
+    dependent: [bool; 4],
 }
 
 impl Arithmetic {

@@ -34,6 +34,11 @@ impl<const N: usize> Local<N> {
     }
 }
 
+/// Whether a real result of the operation is piecewise constant.
+pub const fn is_constant(op: Op) -> bool {
+    matches!(op, Op::Floor | Op::Ceil | Op::Trunc | Op::Round | Op::Sign | Op::IntToReal)
+}
+
 /// Applies an operation. Operands of other kinds than the operation has count as 0, false or NaN.
 pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
     let real = |i: usize| x.get(i).map_or(Jet::constant(f64::NAN), |c| c.jet());
@@ -49,9 +54,12 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
         Op::Sub => rounded(run, [real(0), real(1)], Local::two(u - v, [1.0, -1.0], [0.0; 3])),
         Op::Mul => rounded(run, [real(0), real(1)], Local::two(u * v, [v, u], [0.0, 1.0, 0.0])),
         Op::Div => rounded(run, [real(0), real(1)], quotient(u, v)),
-        Op::Neg => linear(real(0), -1.0),
+        Op::Neg => linear(run, real(0), -1.0),
         Op::Sqrt => rounded(run, [real(0)], sqrt(u)),
-        Op::Abs => linear_to(real(0), u.abs(), direction(run, u)),
+        Op::Abs => {
+            let slope = direction(run, u);
+            linear_to(run, real(0), u.abs(), slope)
+        }
         Op::Min => chosen(run, v < u, real(1), real(0)),
         Op::Max => chosen(run, u < v, real(1), real(0)),
         Op::Floor => jump(run, u.floor()),
@@ -59,7 +67,13 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
         Op::Trunc => jump(run, u.trunc()),
         Op::Round => jump(run, u.round()),
         Op::Sign => {
-            let sign = if u > 0.0 { 1.0 } else if u < 0.0 { -1.0 } else { u };
+            let sign = if u > 0.0 {
+                1.0
+            } else if u < 0.0 {
+                -1.0
+            } else {
+                u
+            };
             jump(run, sign)
         }
         Op::Length2 => length(run, [real(0), real(1)]),
@@ -95,12 +109,12 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
             let side = if v.is_sign_negative() { -1.0 } else { 1.0 };
             let slope = direction(run, u) * side;
             run.decide(u64::from(v.is_sign_negative()));
-            linear_to(real(0), u.abs() * side, slope)
+            linear_to(run, real(0), u.abs() * side, slope)
         }
         Op::Exponent => Cell::Int(decided(run, exponent(u))),
         Op::Scale => {
             let factor = f64::from(int(1).clamp(-1022, 1023)).exp2();
-            linear(real(0), factor)
+            linear(run, real(0), factor)
         }
         Op::Lt => truth_of(run, u < v),
         Op::Le => truth_of(run, u <= v),
@@ -155,18 +169,23 @@ fn rounded<const N: usize>(run: &mut Arithmetic, x: [Jet; N], f: Local<N>) -> Ce
             }
         }
     }
+    for (i, slope) in f.first.iter().enumerate() {
+        let finite = slope.is_finite() && f.second[i].iter().all(|x| x.is_finite());
+        run.doubtful |= run.dependent.get(i) == Some(&true) && !finite;
+    }
     let value = run.shaken(f.value, f.value);
     let mut part = |p: Option<(f64, f64)>| p.map(|(sum, size)| run.shaken(sum, size));
     Cell::Real(Jet { value, a: part(a), b: part(b), ab: part(both) })
 }
 
 /// x times an exact factor.
-fn linear(x: Jet, slope: f64) -> Cell {
-    linear_to(x, slope * x.value, slope)
+fn linear(run: &mut Arithmetic, x: Jet, slope: f64) -> Cell {
+    linear_to(run, x, slope * x.value, slope)
 }
 
 /// `value`, which changes `slope` times as fast as x: ±x, or 0 where a convention says so.
-fn linear_to(x: Jet, value: f64, slope: f64) -> Cell {
+fn linear_to(run: &mut Arithmetic, x: Jet, value: f64, slope: f64) -> Cell {
+    run.doubtful |= run.dependent[0] && !slope.is_finite();
     let part = |p: Option<f64>| p.map(|p| slope * p);
     Cell::Real(Jet { value, a: part(x.a), b: part(x.b), ab: part(x.ab) })
 }

@@ -147,18 +147,31 @@ pub fn neighbours(graph: &Verified, points: &[Vec<Value>], seed: u64) -> Judgeme
 /// # Errors
 /// At the first point where they differ.
 pub fn optimised_equals_plain(graph: &Graph, precision: Precision, points: &[Vec<Value>]) -> Judgement {
-    const LAW: &str = "optimised_equals_plain";
     let (plain, optimised) = (finished(graph, precision, false)?, finished(graph, precision, true)?);
-    let (mut one, mut other) = (Evaluator::new(&plain, precision), Evaluator::new(&optimised, precision));
+    equal("optimised_equals_plain", &plain, &optimised, precision, points)
+}
+
+/// A raw graph without `diff` and without operations that are not bit-exact has, in f64, the bits it has at the end of
+/// the pipeline, by the reference evaluator.
+///
+/// # Errors
+/// At the first point where they differ.
+pub fn finished_equals_raw(graph: &Graph, points: &[Vec<Value>]) -> Judgement {
+    let finished = finished(graph, Precision::F64, true)?;
+    equal("finished_equals_raw", graph, &finished, Precision::F64, points)
+}
+
+fn equal(law: &'static str, one: &Graph, other: &Graph, precision: Precision, points: &[Vec<Value>]) -> Judgement {
+    let (mut first, mut second) = (Evaluator::new(one, precision), Evaluator::new(other, precision));
     let mut count = Count::default();
     for point in points {
-        let (Some(want), Some(got)) = (one.run(point), other.run(point)) else {
+        let (Some(want), Some(got)) = (first.run(point), second.run(point)) else {
             count.unjudged += 1;
             continue;
         };
         if !same(&want, &got) {
-            let what = format!("{precision:?}, at {}: {} plain, {} optimised", show(point), show(&want), show(&got));
-            return Err(Failure::new(LAW, format!("{}\noptimised:\n{}", text(graph), text(&optimised)), what));
+            let what = format!("{precision:?}, at {}: {}, but {}", show(point), show(&want), show(&got));
+            return Err(Failure::new(law, format!("{}\nthe other:\n{}", text(one), text(other)), what));
         }
         count.judged += 1;
     }

@@ -185,7 +185,8 @@ impl Law<'_> {
             let x = reals[k];
             // Far enough inside the domain that poles at its ends do not come near.
             let step = (x.abs() / 4.0).clamp(1e-4, 0.125).min(distance / 2.0);
-            let estimate = if step > 1e-7 { central(self.line(point, k), x, step) } else { central(|_| f64::NAN, x, 1.0) };
+            let estimate =
+                if step > 1e-7 { central(self.line(point, k), x, step) } else { central(|_| f64::NAN, x, 1.0) };
             let tolerance = 4.0 * estimate.error + 1e-12 * said[k].abs();
             if !estimate.is_finite() || estimate.error > 1e-5 * (1.0 + estimate.value.abs()) {
                 self.count.unjudged += 1;

@@ -1,6 +1,7 @@
 //! The laws: each is a function of what it quantifies over, and answers with how many points it could judge, or with
 //! the first failure. Tests, fuzz targets and the gate call the same functions; the laws know no test framework.
 
+mod batches;
 mod bits;
 mod derivative;
 mod pipeline;
@@ -10,9 +11,10 @@ use std::ops::AddAssign;
 
 use isograd_graph::{Graph, Value, Verified, verify};
 
-pub use bits::{finished, kernels_of, neighbours, optimised_equals_plain, wasm_equals_reference};
+pub use batches::batches;
+pub use bits::{finished, finished_equals_raw, kernels_of, neighbours, optimised_equals_plain, wasm_equals_reference};
 pub use derivative::{derivative, kink_points};
-pub use pipeline::{at_kinks, derivative_by_values, oracles_agree, pipeline_derivative};
+pub use pipeline::{at_kinks, derivative_by_values, expanded_derivatives, oracles_agree, pipeline_derivative};
 
 /// How many comparisons a law made, and how many it could not make.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -24,13 +24,7 @@ pub fn options() -> Options {
 
 /// Checks a program of one file.
 pub fn check(source: &str) -> Checked {
-    isograd_compiler::check(
-        "main.vola",
-        source.as_bytes().to_vec(),
-        &MemoryLoader::default(),
-        &options(),
-        &Unwatched,
-    )
+    isograd_compiler::check("main.vola", source.as_bytes().to_vec(), &MemoryLoader::default(), &options(), &Unwatched)
 }
 
 /// Checks a program that must be free of errors.
@@ -96,9 +90,8 @@ impl Graphs {
         let raw = elaborate(program, id, &options().limits, &Unwatched)?.graph;
         let wanted = wanted(&program.functions[id.0 as usize], queries);
         let derived = derive(&raw, &wanted, NODES, &Unwatched).expect("within the budget");
-        let plain = differentiate(derived, 6, NODES, &Unwatched).map_err(|e| {
-            vec![Diagnostic::global(isograd_compiler::Code::E0705, format!("{e:?}"))]
-        })?;
+        let plain = differentiate(derived, 6, NODES, &Unwatched)
+            .map_err(|e| vec![Diagnostic::global(isograd_compiler::Code::E0705, format!("{e:?}"))])?;
         let folded = fold(&plain, precision, NODES, &Unwatched).expect("within the budget");
         let expanded = kernels(&folded, precision, NODES, &Unwatched).expect("within the budget");
         let optimised = optimise(&expanded, precision, NODES, &Unwatched).expect("within the budget");
@@ -142,7 +135,9 @@ fn wanted(function: &Function, queries: &[Query]) -> Vec<Wanted> {
             }
             Query::Hessian(p) => {
                 for k in inputs(p) {
-                    all.extend(inputs(p).iter().flat_map(|j| outputs.iter().map(move |i| (*i, vec![*j.min(&k), k.max(*j)]))));
+                    all.extend(
+                        inputs(p).iter().flat_map(|j| outputs.iter().map(move |i| (*i, vec![*j.min(&k), k.max(*j)]))),
+                    );
                 }
             }
         }

@@ -70,9 +70,9 @@ pub fn wasm(
         ColumnType::Int => Value::Int(x as i32),
         ColumnType::Bool => Value::Bool(x != 0.0),
     };
-    let row = |point| {
+    let row = |point: usize| {
         let all = kinds.iter().zip(&columns);
-        all.map(|(kind, column)| column.get(point).map(|x| scalar(kind, x)).ok_or("a short column".to_owned()))
+        all.map(move |(kind, column)| column.get(point).map(|x| scalar(kind, x)).ok_or("a short column".to_owned()))
     };
     (0..points.len()).map(|point| row(point).collect()).collect()
 }
