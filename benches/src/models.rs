@@ -70,12 +70,8 @@ fn smooth_union(s: &mut Steps) {
 
 fn blob(s: &mut Steps) {
     let p = s.axes();
-    let by_hand = [
-        ([0.3, 0.1, 0.4], 0.5),
-        ([-0.4, 0.2, 0.1], 0.45),
-        ([0.1, -0.5, -0.2], 0.4),
-        ([-0.2, 0.3, -0.5], 0.35),
-    ];
+    let by_hand =
+        [([0.3, 0.1, 0.4], 0.5), ([-0.4, 0.2, 0.1], 0.45), ([0.1, -0.5, -0.2], 0.4), ([-0.2, 0.3, -0.5], 0.35)];
     let [a, b, c, d] = by_hand.map(|(center, radius)| s.moved_ball(p, center, radius));
     let upper = s.smooth_min(a, b, 0.3);
     let lower = s.smooth_min(c, d, 0.3);
@@ -207,45 +203,66 @@ impl Steps {
 
 /// A model of exactly so many operations in the manner of a drawing in CSG: clusters of balls, blocks, rings and
 /// half-spaces, each cluster around its own centre and with coordinates that its parts share, joined, cut and
-/// intersected pairwise.
+/// intersected in pairs, as a tree of operations would be evaluated.
 fn generated(operations: usize, seed: u64) -> Steps {
+    /// More than a cluster with its joins takes; more than a part takes.
+    const CLUSTER: usize = 320;
+    const PART: usize = 40;
     let mut random = Random(seed);
     let mut s = Steps::default();
     let p = s.axes();
-    let mut clusters = Vec::new();
-    // Joining n parts takes n − 1 operations; what remains at the end is filled up one at a time.
-    while s.operations() + clusters.len() + 250 < operations {
-        let mut parts: Vec<_> = (0..random.below(6) + 6).scan(None, |frame, _| {
-            let q = match *frame {
-                Some(q) if random.below(3) > 0 => q,
-                _ => s.frame(p, &mut random),
-            };
-            *frame = Some(q);
-            Some(s.part(q, &mut random))
-        }).collect();
-        s.join(&mut parts, &mut random);
-        clusters.extend(parts);
+    // Like the digits of a binary number: trees of 2ⁿ clusters, the largest first.
+    let mut trees: Vec<(u32, usize)> = Vec::new();
+    loop {
+        let room = operations.saturating_sub(s.operations() + 2 * trees.len());
+        let parts = if room > CLUSTER { random.below(6) + 6 } else { 1 };
+        if room < PART {
+            break;
+        }
+        let cluster = s.cluster(p, parts, &mut random);
+        trees.push((0, cluster));
+        while let [.., (m, a), (n, b)] = *trees
+            && m == n
+        {
+            trees.truncate(trees.len() - 2);
+            trees.push((n + 1, s.pair(a, b, &mut random)));
+        }
     }
-    s.join(&mut clusters, &mut random);
-    let mut last = clusters.first().copied().unwrap_or_default();
+    let mut last = trees.pop().map_or(0, |t| t.1);
+    while let Some((_, tree)) = trees.pop() {
+        last = s.pair(tree, last, &mut random);
+    }
+    // What is missing yet: half-spaces that cut a little off.
     while s.operations() < operations {
-        let other = random.plane_axis(p);
-        last = match operations - s.operations() {
-            1 => s.push(Step::Abs(last)),
-            _ => {
-                let by = s.constant(random.between(1.0, 2.0));
-                let plane = s.push(Step::Sub(other, by));
-                s.push(Step::Max(last, plane))
-            }
+        last = if s.operations() + 1 == operations {
+            s.push(Step::Abs(last))
+        } else {
+            let by = s.constant(random.raster(1.0, 2.0, 0.015_625));
+            let plane = s.push(Step::Sub(p[s.operations() % 3], by));
+            s.push(Step::Max(last, plane))
         };
     }
     s
 }
 
 impl Steps {
+    /// Some parts, joined one by one.
+    fn cluster(&mut self, p: [usize; 3], parts: u64, random: &mut Random) -> usize {
+        let mut frame = self.frame(p, random);
+        let mut all = self.part(frame, random);
+        for _ in 1..parts {
+            if random.below(3) == 0 {
+                frame = self.frame(p, random);
+            }
+            let part = self.part(frame, random);
+            all = self.pair(all, part, random);
+        }
+        all
+    }
+
     /// Coordinates around a random centre, sometimes turned about z.
     fn frame(&mut self, p: [usize; 3], random: &mut Random) -> [usize; 3] {
-        let q = self.moved(p, [0; 3].map(|_| random.between(-1.5, 1.5)));
+        let q = self.moved(p, [0; 3].map(|_| random.raster(-1.5, 1.5, 0.015_625)));
         if random.below(2) == 0 {
             return q;
         }
@@ -260,21 +277,21 @@ impl Steps {
 
     fn part(&mut self, q: [usize; 3], random: &mut Random) -> usize {
         match random.below(5) {
-            0 => self.ball(q, random.between(0.1, 0.6)),
-            1 => self.block(q, [0; 3].map(|_| random.between(0.1, 0.5))),
+            0 => self.ball(q, random.raster(0.125, 0.625, 0.0625)),
+            1 => self.block(q, [0; 3].map(|_| random.raster(0.125, 0.5, 0.0625))),
             2 => {
                 // A ring: ‖(‖(x, y)‖ − major, z)‖ − minor.
                 let around = self.length(&q[..2]);
-                let major = self.constant(random.between(0.3, 0.6));
+                let major = self.constant(random.raster(0.25, 0.625, 0.0625));
                 let across = self.push(Step::Sub(around, major));
                 let tube = self.length(&[across, q[2]]);
-                let minor = self.constant(random.between(0.05, 0.2));
+                let minor = self.constant(random.raster(0.0625, 0.25, 0.0625));
                 self.push(Step::Sub(tube, minor))
             }
             3 => {
                 // A box by its faces alone, as drawings in the plane have it.
                 let sides = [0, 1, 2].map(|i| {
-                    let (a, e) = (self.push(Step::Abs(q[i])), self.constant(random.between(0.1, 0.5)));
+                    let (a, e) = (self.push(Step::Abs(q[i])), self.constant(random.raster(0.125, 0.5, 0.0625)));
                     self.push(Step::Sub(a, e))
                 });
                 let xy = self.push(Step::Max(sides[0], sides[1]));
@@ -282,32 +299,26 @@ impl Steps {
             }
             _ => {
                 let terms = [0, 1, 2].map(|i| {
-                    let weight = self.constant(random.between(-1.0, 1.0));
+                    let weight = self.constant(random.raster(-1.0, 1.0, 0.0625));
                     self.push(Step::Mul(weight, q[i]))
                 });
                 let xy = self.push(Step::Add(terms[0], terms[1]));
                 let xyz = self.push(Step::Add(xy, terms[2]));
-                let offset = self.constant(random.between(0.0, 0.5));
+                let offset = self.constant(random.raster(0.0, 0.5, 0.0625));
                 self.push(Step::Sub(xyz, offset))
             }
         }
     }
 
-    /// Joins neighbours in pairs until one is left.
-    fn join(&mut self, parts: &mut Vec<usize>, random: &mut Random) {
-        while parts.len() > 1 {
-            let pairs = parts.chunks(2).map(|pair| match *pair {
-                [a, b] => match random.below(6) {
-                    0 => {
-                        let outside = self.push(Step::Neg(b));
-                        self.push(Step::Max(a, outside))
-                    }
-                    1 => self.push(Step::Max(a, b)),
-                    _ => self.push(Step::Min(a, b)),
-                },
-                _ => pair.first().copied().unwrap_or_default(),
-            });
-            *parts = pairs.collect();
+    /// One of two joined with the other, or what one leaves of the other.
+    fn pair(&mut self, a: usize, b: usize, random: &mut Random) -> usize {
+        match random.below(6) {
+            0 => {
+                let outside = self.push(Step::Neg(b));
+                self.push(Step::Max(a, outside))
+            }
+            1 => self.push(Step::Max(a, b)),
+            _ => self.push(Step::Min(a, b)),
         }
     }
 }
@@ -329,19 +340,31 @@ impl Random {
         self.next() % n
     }
 
-    fn plane_axis(&mut self, p: [usize; 3]) -> usize {
-        p[usize::try_from(self.below(3)).unwrap_or_default()]
-    }
-
     /// Uniform in [low, high), a multiple of (high − low)/2²⁴.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         let unit = (self.next() >> 40) as f32 / 16_777_216.0;
         low + (high - low) * unit
     }
+
+    /// A multiple of `grain` in [low, high), both multiples of it: lengths in drawings are round numbers.
+    fn raster(&mut self, low: f32, high: f32, grain: f32) -> f32 {
+        low + self.between(0.0, (high - low) / grain).floor() * grain
+    }
 }
 
-/// Columns x, y, z of points in the cube [−2, 2]³.
+/// Columns x, y, z of points of the cube [−2, 2]³ on a grid, row by row as a renderer or mesher visits them, each moved
+/// a little from its place. (In random order a peer that branches would pay for branches that no processor can
+/// predict.)
 pub fn points(count: usize, seed: u64) -> [Vec<f32>; 3] {
     let mut random = Random(seed);
-    [0; 3].map(|_| (0..count).map(|_| random.between(-2.0, 2.0)).collect())
+    let side = (1..).find(|n: &usize| n.pow(3) >= count).unwrap_or(1);
+    let cell = 4.0 / side as f32;
+    let mut coordinate = |place: usize| ((place % side) as f32 + random.between(0.25, 0.75)).mul_add(cell, -2.0);
+    let [mut x, mut y, mut z] = [0; 3].map(|_| Vec::with_capacity(count));
+    for i in 0..count {
+        x.push(coordinate(i));
+        y.push(coordinate(i / side));
+        z.push(coordinate(i / (side * side)));
+    }
+    [x, y, z]
 }

@@ -41,7 +41,15 @@ pub struct Section {
 /// A number of three significant digits.
 pub fn digits(x: f64) -> String {
     let before = if x.abs() >= 1.0 { x.abs().log10().floor() } else { 0.0 };
-    let decimals = if x == 0.0 { 0 } else if before >= 2.0 { 0 } else if before >= 1.0 { 1 } else { 2 };
+    let decimals = if x == 0.0 {
+        0
+    } else if before >= 2.0 {
+        0
+    } else if before >= 1.0 {
+        1
+    } else {
+        2
+    };
     format!("{x:.decimals$}")
 }
 
@@ -56,13 +64,13 @@ pub fn text(sections: &[Section]) -> String {
         let widths: Vec<_> = (0..columns).map(width).collect();
         out.push_str(&format!("\n{}\n", section.title));
         for row in &rows {
-            let cells: Vec<_> = row.iter().zip(&widths).enumerate().map(|(i, (cell, w))| match i {
+            let cells = row.iter().zip(&widths).enumerate().map(|(i, (cell, w))| match i {
                 // Names and verdicts are words and stand left, numbers right.
                 0 => format!("{cell:<w$}"),
                 _ if i + 1 == columns => cell.clone(),
                 _ => format!("{cell:>w$}"),
             });
-            let line = cells.collect::<Vec<_>>().join("  ");
+            let line = cells.collect::<Vec<String>>().join("  ");
             out.push_str("  ");
             out.push_str(line.trim_end());
             out.push('\n');

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{self, Read, stdin};
 use std::path::Path;
 
-use csv::{ByteRecord, Reader, ReaderBuilder};
+use csv::{ByteRecord, Reader, ReaderBuilder, Terminator};
 use isograd_compiler::{Export, Rate, ScalarKind};
 use isograd_server::values::{Inputs, Values, describe, parse, takes};
 
@@ -134,7 +134,7 @@ fn from_csv(path: &Path, export: &Export, fixed: &[&str]) -> Result<Vec<(String,
 /// A CSV file being read.
 struct Table<R> {
     name: String,
-    reader: Reader<R>,
+    reader: Reader<Lines<R>>,
     header: Vec<String>,
     kinds: Vec<ScalarKind>,
     columns: Vec<Vec<f64>>,
@@ -143,8 +143,13 @@ struct Table<R> {
 impl<R: Read> Table<R> {
     /// Reads the header.
     fn open(source: R, name: String, export: &Export) -> Result<Self, String> {
-        let mut reader =
-            ReaderBuilder::new().has_headers(false).flexible(true).buffer_capacity(1 << 16).from_reader(source);
+        // Only `\n` ends a line, so that lines can be counted; the `\r` before it is trimmed like a space.
+        let mut reader = ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .terminator(Terminator::Any(b'\n'))
+            .buffer_capacity(1 << 16)
+            .from_reader(Lines { source, ended: true });
         let mut record = ByteRecord::new();
         let known = scalars(export);
         let all: Vec<&str> = known.iter().map(|(n, _)| n.as_str()).collect();
@@ -178,10 +183,13 @@ impl<R: Read> Table<R> {
     fn read(&mut self) -> Result<(), String> {
         let mut record = ByteRecord::new();
         while self.reader.read_byte_record(&mut record).map_err(|error| unreadable(&self.name, error))? {
-            let line = record.position().map_or(0, csv::Position::line);
+            if record.len() == 1 && record.as_slice().trim_ascii().is_empty() {
+                continue;
+            }
             if record.len() != self.header.len() {
                 let (found, expected) = (counted(record.len()), self.header.len());
                 let header = self.header.join(",");
+                let line = self.line(&record);
                 return Err(format!("{}:{line}: the row has {found}, expected {expected}: {header}", self.name));
             }
             for (i, cell) in record.iter().enumerate() {
@@ -194,6 +202,7 @@ impl<R: Read> Table<R> {
                         let found = short(&String::from_utf8_lossy(cell));
                         let i = i + 1;
                         let name = &self.name;
+                        let line = self.line(&record);
                         return Err(format!(
                             "{name}:{line}: column {i} (`{header}`) is `{found}`, expected {expected}"
                         ));
@@ -202,6 +211,14 @@ impl<R: Read> Table<R> {
             }
         }
         Ok(())
+    }
+
+    /// The line that the record just read begins in. All lines end with `\n`, but a record's own position is before
+    /// the empty lines that were skipped; a quote that is never closed swallows the last end.
+    fn line(&self, record: &ByteRecord) -> u64 {
+        let inside = record.as_slice().iter().filter(|b| **b == b'\n').count() as u64;
+        let after = self.reader.position().line();
+        after.saturating_sub(1 + inside).max(record.position().map_or(0, csv::Position::line))
     }
 
     /// The parameters that the columns make.
@@ -225,6 +242,30 @@ impl<R: Read> Table<R> {
             named.push((parameter.name.clone(), Values { rate: Rate::Varying, columns }));
         }
         Ok(named)
+    }
+}
+
+/// A source whose last line ends as the others do.
+struct Lines<R> {
+    source: R,
+    ended: bool,
+}
+
+impl<R: Read> Read for Lines<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let n = self.source.read(buffer)?;
+        match buffer.get(..n).and_then(<[u8]>::last) {
+            Some(last) => self.ended = *last == b'\n',
+            None if !self.ended => {
+                if let Some(first) = buffer.first_mut() {
+                    *first = b'\n';
+                    self.ended = true;
+                    return Ok(1);
+                }
+            }
+            None => {}
+        }
+        Ok(n)
     }
 }
 

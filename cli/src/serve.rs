@@ -1,6 +1,6 @@
 //! `isograd serve`: starts the HTTP API and its log. Knows nothing of routes.
 
-use std::io::{Write, stderr, stdout};
+use std::io::{IsTerminal, Write, stderr, stdout};
 
 use isograd_server::{Config, Libraries, Server, interrupted};
 use tracing_subscriber::EnvFilter;
@@ -10,8 +10,13 @@ use crate::args::Serve;
 
 /// Runs the command until the process is told to stop.
 pub fn run(args: Serve) -> Result<(), Failure> {
-    let filter = EnvFilter::try_from_env("ISOGRAD_LOG").unwrap_or_else(|_| EnvFilter::new("info,tower_http=debug"));
-    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(stderr).try_init();
+    let filter = EnvFilter::try_from_env("ISOGRAD_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(stderr().is_terminal())
+        .with_writer(stderr)
+        .with_ansi(stderr().is_terminal())
+        .try_init();
     let mut config = Config::new(args.store);
     config.listen = args.listen;
     config.libraries = Libraries(args.external.libraries.into_iter().collect());

@@ -201,13 +201,13 @@ mod tests {
         let inputs = Inputs { values: vec![varying, Values::uniform(&[3.0])], points: 2 };
         let mut text = Vec::new();
         write_table(&mut text, &export, inputs, outputs()).unwrap();
-        let expected = "\
-        at  │   value  │  gradient(at)
-at.x  at.y  │          │   at.x    at.y
-────────────┼──────────┼────────────────
- 1.0   3.0  │     0.5  │    1.0     0.0
- 2.0  0.25  │  -12.25  │    nan  -0.125
-";
+        let expected = concat!(
+            "        at  │   value  │  gradient(at)\n",
+            "at.x  at.y  │          │  at.x    at.y\n",
+            "────────────┼──────────┼──────────────\n",
+            " 1.0   3.0  │     0.5  │   1.0     0.0\n",
+            " 2.0  0.25  │  -12.25  │   nan  -0.125\n",
+        );
         assert_eq!(String::from_utf8(text).unwrap(), expected);
     }
 

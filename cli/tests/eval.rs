@@ -152,6 +152,7 @@ fn bad_csv_is_told_by_line_and_column() {
     run("at.x,at.y,at.z\n1,2,3,4\n").fails_with(1, &["standard input:2", "4 values", "expected 3"]);
     run("at.x,at.y,at.z\n1,2,3\n\n1,far,3\n")
         .fails_with(1, &["standard input:4", "column 2 (`at.y`)", "`far`", "expected a number"]);
+    run("at.x,at.y,at.z\r\n\r\n1,2,3\r\n1,far,3").fails_with(1, &["standard input:4", "column 2"]);
     run("at.x,at.y,at.z\n1,,3\n").fails_with(1, &["standard input:2", "column 2 (`at.y`) is ``"]);
     run("at.x,at.y\n1,2\n").fails_with(1, &["the column at.z of `at: vec3` (at.x, at.y, at.z) is missing"]);
     run("at.x,at.y,at.z,at.w\n").fails_with(1, &["column 4 is named `at.w`", "at.x,at.y,at.z,radius"]);

@@ -1,6 +1,11 @@
 //! Isograd's compiler: Vola source text and a request in, an artefact out. The steps are in [`pipeline`], which is
 //! what to read first. Pure: no I/O, no threads, no clock; files come through a [`Loader`], time through a [`Watch`].
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
+)]
+
 mod artefact;
 mod loader;
 pub mod pipeline;

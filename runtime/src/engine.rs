@@ -64,8 +64,9 @@ pub struct Runtime {
     settings: Settings,
     /// By whether Cranelift optimises, and whether deadlines interrupt loops.
     engines: [[OnceLock<Engine>; 2]; 2],
-    kernels: moka::sync::Cache<String, Arc<Kernel>>,
-    /// Lives as long as the ticker may run.
+    /// By BLAKE3 of the bytes.
+    kernels: moka::sync::Cache<[u8; 32], Arc<Kernel>>,
+    /// Held by the runtime and its kernels; the ticker runs as long as one of them lives.
     alive: Arc<()>,
 }
 
@@ -91,19 +92,9 @@ impl Runtime {
     /// # Errors
     /// If the module exceeds a limit or is refused by wasmtime.
     pub fn load(&self, artefact: &Artefact) -> Result<Arc<Kernel>, LoadError> {
-        let id = &artefact.manifest.id;
-        if let Some(kernel) = self.kernels.get(id) {
-            return Ok(kernel);
-        }
-        let kernel = Arc::new(self.compile(artefact)?);
-        self.kernels.insert(id.clone(), Arc::clone(&kernel));
-        Ok(kernel)
-    }
-
-    /// A kernel loaded before, by the artefact's id.
-    #[must_use]
-    pub fn loaded(&self, id: &str) -> Option<Arc<Kernel>> {
-        self.kernels.get(id)
+        let key = *blake3::hash(&artefact.bytes).as_bytes();
+        // Threads that ask for the same artefact at once wait for one of them to compile it.
+        self.kernels.try_get_with(key, || self.compile(artefact).map(Arc::new)).map_err(Arc::unwrap_or_clone)
     }
 
     fn compile(&self, artefact: &Artefact) -> Result<Kernel, LoadError> {
@@ -118,7 +109,7 @@ impl Runtime {
         let engine = self.engine(manifest.operations <= SMALL, manifest.unbounded)?;
         let module = Module::new(engine, &artefact.bytes).map_err(|e| LoadError::Module(format!("{e:#}")))?;
         let weight = artefact.bytes.len() as u64 * EXPANSION + 4096;
-        Kernel::new(module, manifest.clone(), weight)
+        Kernel::new(module, manifest.clone(), weight, Arc::clone(&self.alive))
     }
 
     fn engine(&self, small: bool, interruptible: bool) -> Result<&Engine, LoadError> {

@@ -1,6 +1,6 @@
 //! A compiled artefact: evaluates columns in blocks over threads.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use isograd_compiler::{Column as Declared, Manifest, Precision, Rate};
@@ -83,10 +83,12 @@ pub struct Kernel {
     weight: u64,
     /// Instances that no thread uses now.
     idle: Mutex<Vec<Instance>>,
+    /// Keeps the clock of deadlines running.
+    _alive: Arc<()>,
 }
 
 impl Kernel {
-    pub(crate) fn new(module: Module, manifest: Manifest, weight: u64) -> Result<Self, LoadError> {
+    pub(crate) fn new(module: Module, manifest: Manifest, weight: u64, alive: Arc<()>) -> Result<Self, LoadError> {
         let precision = match manifest.precision.as_str() {
             "f32" => Precision::F32,
             "f64" => Precision::F64,
@@ -105,7 +107,7 @@ impl Kernel {
                 }
             }
         }
-        Ok(Self { module, manifest, precision, weight, idle: Mutex::new(Vec::new()) })
+        Ok(Self { module, manifest, precision, weight, idle: Mutex::new(Vec::new()), _alive: alive })
     }
 
     /// How to call it.

@@ -19,8 +19,8 @@ use isograd_compiler::{Files, Precision, Query, Rate, Request as Wanted};
 use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::json;
 use tower_http::catch_panic::CatchPanicLayer;
-use tower_http::trace::TraceLayer;
-use tracing::error;
+use tower_http::trace::{DefaultMakeSpan, DefaultOnResponse, TraceLayer};
+use tracing::{Level, error};
 
 use crate::evaluate::{self, EvaluateError};
 use crate::json_values::Named;
@@ -46,7 +46,11 @@ pub fn router(service: Arc<Service>) -> Router {
         .fallback(nothing_here)
         .method_not_allowed_fallback(wrong_method)
         .layer(CatchPanicLayer::custom(panicked))
-        .layer(TraceLayer::new_for_http())
+        .layer(
+            TraceLayer::new_for_http()
+                .make_span_with(DefaultMakeSpan::new().level(Level::INFO))
+                .on_response(DefaultOnResponse::new().level(Level::INFO)),
+        )
         .with_state(service)
 }
 

@@ -108,6 +108,9 @@ impl Gardener<'_, '_, '_> {
         };
         let def = op.def();
         let mut args: Vec<NodeId> = def.operands.iter().map(|kind| self.any(*kind)).collect();
+        if op == Op::Copysign {
+            args[1] = self.no_nan(args[1]);
+        }
         if self.shape.tame {
             self.make_harmless(op, &mut args);
         }
@@ -138,6 +141,13 @@ impl Gardener<'_, '_, '_> {
         if op == Op::Pow {
             args[1] = self.tamed(args[1]);
         }
+    }
+
+    /// x, or 1 where it is NaN: the sign of a NaN is unspecified (LANGUAGE 17.1), and `copysign` would show it.
+    fn no_nan(&mut self, x: NodeId) -> NodeId {
+        let one = self.b.real(1.0);
+        let is_number = self.b.eq(x, x);
+        self.b.select(is_number, x, one)
     }
 
     fn at_least_one(&mut self, x: NodeId) -> NodeId {

@@ -1,13 +1,20 @@
-//! The laws over the whole table of operations and over random graphs.
+//! The laws over the whole table of operations and over random graphs. `ISOGRAD_GRAPHS=20` takes twenty times as many
+//! random graphs as usual.
 
 #![allow(clippy::pedantic, reason = "tests")]
 
-use isograd_graph::{Op, Precision, Scalar, Value};
+use isograd_graph::{Builder, Mode, Op, Precision, Scalar, Unwatched, Value};
 use isograd_testkit::laws::{self, Count};
 use isograd_testkit::points::{Random, grid, in_domain, surprises};
 use isograd_testkit::random::{self, INPUTS, Shape};
 
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
+
+/// `n` seeds of random graphs, more in the long form.
+fn seeds(from: u64, n: u64) -> std::ops::Range<u64> {
+    let times = std::env::var("ISOGRAD_GRAPHS").ok().and_then(|x| x.parse().ok()).unwrap_or(1);
+    from..from + n * times
+}
 
 /// Values that random choice might not bring together, for each kind.
 fn special(scalar: Scalar, precision: Precision, few: bool) -> Vec<Value> {
@@ -111,7 +118,7 @@ fn graph_points(precision: Precision, n: usize, seed: u64) -> Vec<Vec<Value>> {
 #[test]
 fn random_graphs_are_the_same_in_webassembly_and_optimised() {
     let (mut wasm, mut optimised) = (Count::default(), Count::default());
-    for seed in 0..150 {
+    for seed in seeds(0, 300) {
         let shape = Shape { size: 25, depth: 3, transcendental: seed % 3 == 0, tame: seed % 2 == 0 };
         let graph = random::graph(seed, &shape);
         for precision in PRECISIONS {
@@ -131,7 +138,7 @@ fn random_graphs_are_the_same_in_webassembly_and_optimised() {
 #[test]
 fn derivatives_of_random_graphs_are_the_same_in_webassembly_and_optimised() {
     let (mut wasm, mut optimised) = (Count::default(), Count::default());
-    for seed in 1000..1040 {
+    for seed in seeds(1000, 40) {
         let shape = Shape { size: 15, depth: 2, transcendental: seed % 4 == 0, tame: seed % 3 != 0 };
         let graph = laws::expanded_derivatives(&random::graph(seed, &shape)).unwrap_or_else(|e| panic!("{e}"));
         for precision in PRECISIONS {
@@ -148,7 +155,7 @@ fn derivatives_of_random_graphs_are_the_same_in_webassembly_and_optimised() {
 #[test]
 fn no_step_changes_a_bit() {
     let mut all = Count::default();
-    for seed in 2000..2300 {
+    for seed in seeds(2000, 300) {
         let shape = Shape { size: 40, depth: 3, transcendental: false, tame: seed % 2 == 0 };
         let graph = random::graph(seed, &shape);
         all += holds(laws::finished_equals_raw(&graph, &graph_points(Precision::F64, 20, seed)));
@@ -164,7 +171,7 @@ fn tame_points(n: usize, seed: u64) -> Vec<Vec<Value>> {
 #[test]
 fn derivatives_of_random_graphs_are_dual_numbers() {
     let mut all = Count::default();
-    for seed in 0..300 {
+    for seed in seeds(0, 300) {
         let shape = Shape { size: 25, depth: 3, transcendental: seed % 2 == 0, tame: true };
         let graph = random::graph(seed, &shape);
         let points = tame_points(6, seed);
@@ -180,10 +187,37 @@ fn derivatives_of_random_graphs_are_dual_numbers() {
 #[test]
 fn derivatives_by_values_on_the_way_are_dual_numbers() {
     let mut all = Count::default();
-    for seed in 0..300 {
+    for seed in seeds(0, 300) {
         let shape = Shape { size: 30, depth: 2, transcendental: seed % 2 == 0, tame: true };
         all += holds(laws::derivative_by_values(seed, &shape, &tame_points(6, seed)));
     }
     println!("derivative_by_values: {all:?}");
     holds(all.at_least(50, "derivative_by_values", "random graphs"));
+}
+
+/// Constants that `fold` rounds where they enter a loop and where an iteration gives them to a variable: the first must
+/// lie before the loop, the second stands after it.
+#[test]
+fn rounded_constants_of_loops() {
+    let mut b = Builder::new(Mode::Raw, 1000, &Unwatched);
+    let trips = b.input("n", Scalar::Int);
+    let (zero, tenth, third) = (b.int(0), b.real(0.1), b.real(1.0 / 3.0));
+    b.theta(zero, trips);
+    let (x, y) = (b.carried(tenth), b.carried(tenth));
+    let sum = b.add(x, y);
+    let end = b.end();
+    let (x, y) = (b.carry_out(end, x, sum), b.carry_out(end, y, third));
+    b.output("x", x);
+    b.output("y", y);
+    let graph = b.finish().unwrap();
+    let points: Vec<_> = (0..4).map(|n| vec![Value::Int(n)]).collect();
+    for precision in PRECISIONS {
+        holds(laws::optimised_equals_plain(&graph, precision, &points));
+        let ready = laws::finished(&graph, precision, false).unwrap_or_else(|e| panic!("{e}"));
+        holds(laws::wasm_equals_reference(&ready, &points));
+        let got = isograd_graph::evaluate(&ready, precision, &points[2]).unwrap();
+        let (tenth, third) = (precision.round(0.1), precision.round(1.0 / 3.0));
+        let want = precision.round(precision.round(tenth + tenth) + third);
+        assert_eq!(got, [Value::Real(want), Value::Real(third)], "{precision:?}");
+    }
 }

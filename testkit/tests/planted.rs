@@ -154,8 +154,10 @@ fn wrong_choices_are_caught() {
     assert!(planted >= 15, "{planted}");
 }
 
+type Condition = fn(&mut Builder<'_>, &[NodeId]) -> NodeId;
+
 /// The condition the other way round.
-fn inverted(op: Op) -> fn(&mut Builder<'_>, &[NodeId]) -> NodeId {
+fn inverted(op: Op) -> Condition {
     match op {
         Op::Min => |b, args| b.lt(args[0], args[1]),
         Op::Max => |b, args| b.lt(args[1], args[0]),
@@ -220,7 +222,7 @@ fn broken_conventions_are_caught() {
         assert!(is_caught(op, Derivative::Partials(altered.leak())), "{op} by operand {k}");
     }
     // Ties: `≤` instead of `<` takes the other operand where both are equal.
-    let ties: [(Op, fn(&mut Builder<'_>, &[NodeId]) -> NodeId); 2] =
+    let ties: [(Op, Condition); 2] =
         [(Op::Min, |b, args| b.le(args[1], args[0])), (Op::Max, |b, args| b.le(args[0], args[1]))];
     for (op, cond) in ties {
         assert!(is_caught(op, Derivative::Choice { cond, then: 1, otherwise: 0 }), "{op}");

@@ -1,5 +1,7 @@
 //! Runs the built command in a directory of its own.
 
+#![allow(dead_code, reason = "every test binary uses its own part")]
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

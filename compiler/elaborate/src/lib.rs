@@ -1,6 +1,11 @@
 //! Elaboration: a typed program and one of its exports become a raw graph in which csg trees, calls, tuples, vectors
 //! and matrices have dissolved. Knows nothing of source text, of derivatives and of what the graph is for.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
+)]
+
 mod branches;
 mod builtins;
 mod code;

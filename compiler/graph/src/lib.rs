@@ -25,6 +25,11 @@
 //! into the regions that their `end` has closed. Every operation is total and has no effect, so running a side or
 //! an iteration too much is never wrong, only slow.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
+)]
+
 mod builder;
 mod graph;
 mod kernels;

@@ -243,6 +243,10 @@ impl Checker<'_> {
                 if self.graph.scalar(carried) != kind {
                     return Err("of another kind than its variable".into());
                 }
+                let constant = matches!(self.graph.get(next), Some(Node::Real(_) | Node::Int(_) | Node::Bool(_)));
+                if next > end && !constant {
+                    return Err("an iteration cannot give it what is computed after the loop".into());
+                }
                 self.result(id, next, kind, begin)
             }
         }

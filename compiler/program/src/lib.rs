@@ -1,5 +1,10 @@
 //! Modules, names, concepts and types: syntax trees become a typed program. Knows nothing of graphs.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
+)]
+
 mod builtins;
 mod check;
 mod load;

@@ -1,6 +1,11 @@
 //! Vola source text: files and spans, diagnostics and limits, lexer, parser and tree. Knows nothing of what names
 //! and types mean.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
+)]
+
 mod diagnostic;
 pub mod lexer;
 mod limits;

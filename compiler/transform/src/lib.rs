@@ -1,6 +1,11 @@
 //! Graph to graph: each transform is a function that rebuilds the graph through a builder. Knows nothing of source
 //! text and of targets.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
+)]
+
 mod copy;
 mod derive;
 mod differentiate;

@@ -5,6 +5,11 @@
 //! lane; `lives`, in which order and for how long; `pressure`, how many vectors at a time; `layout`, where columns
 //! lie; `emit` and `regions` write the code. No relaxed SIMD, no fused operations, constants at each use.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
+)]
+
 mod code;
 mod emit;
 mod lanes;

@@ -1,5 +1,7 @@
 //! A router over a fresh directory, and requests to it without a network.
 
+#![allow(dead_code, reason = "every test binary uses its own part")]
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
