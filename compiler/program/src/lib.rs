@@ -10,6 +10,7 @@ mod check;
 mod load;
 mod names;
 mod print;
+mod report;
 mod suggest;
 pub mod typed;
 mod types;

@@ -10,8 +10,8 @@ use isograd_syntax::{
 
 use crate::{
     Builtin, Group, LATER,
-    check::Report,
     load::Module,
+    report::Report,
     typed::{ConceptId, DefinitionId, FunctionId},
 };
 

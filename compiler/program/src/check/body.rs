@@ -84,7 +84,7 @@ pub(super) struct Body<'a> {
 impl<'a> Body<'a> {
     /// A body with one scope open, which holds nothing yet.
     pub fn new(world: &'a World<'a>, tree: &'a Tree, space: usize, report: &'a mut Report) -> Self {
-        let errors_before = report.errors;
+        let errors_before = report.errors();
         Self {
             world,
             tree,
@@ -103,7 +103,7 @@ impl<'a> Body<'a> {
 
     /// Finds out what is live and ends the body.
     pub fn finish(mut self) -> (Code, Uses) {
-        if self.report.errors == self.errors_before {
+        if self.report.errors() == self.errors_before {
             for warning in liveness::mark(&mut self.code, &self.world.program) {
                 self.report.push(warning);
             }

@@ -22,6 +22,7 @@ use isograd_syntax::{Diagnostic, Files, Limits};
 use crate::{
     load::{Loaded, Module},
     names::Names,
+    report::Report,
     typed::Program,
 };
 
@@ -48,7 +49,8 @@ pub fn check(loaded: &Loaded, limits: &Limits) -> Checked {
     let uses = items::bodies(&mut world, &mut report);
     cycles::recursion(&world, &uses, &mut report);
     cycles::self_building(&world, &uses, &mut report);
-    report.finish(world.program)
+    let (diagnostics, omitted_errors) = report.finish();
+    Checked { program: world.program, diagnostics, omitted_errors }
 }
 
 /// What the checker of a body sees.
@@ -59,42 +61,4 @@ pub(crate) struct World<'a> {
     names: Names<'a>,
     /// Signatures are complete before the first body is checked.
     program: Program,
-}
-
-/// Collects diagnostics. After ten times as many errors as are shown they are only counted, so that no source makes
-/// the compiler use much memory.
-#[derive(Debug)]
-pub(crate) struct Report {
-    diagnostics: Vec<Diagnostic>,
-    errors: u64,
-    omitted: u64,
-    limit: u64,
-}
-
-impl Report {
-    fn new(limits: &Limits) -> Self {
-        Self { diagnostics: Vec::new(), errors: 0, omitted: 0, limit: limits.diagnostics }
-    }
-
-    /// Adds one.
-    pub(crate) fn push(&mut self, diagnostic: Diagnostic) {
-        let error = diagnostic.is_error();
-        self.errors += u64::from(error);
-        if self.diagnostics.len() as u64 <= self.limit.saturating_mul(10) {
-            self.diagnostics.push(diagnostic);
-        } else {
-            self.omitted += u64::from(error);
-        }
-    }
-
-    /// Whether another error would be shown, so that a costly message is worth it.
-    fn is_worth_it(&self) -> bool {
-        self.errors <= self.limit
-    }
-
-    fn finish(self, program: Program) -> Checked {
-        let mut diagnostics = self.diagnostics;
-        diagnostics.sort_by_key(|d| d.labels.first().map(|l| (l.span.file, l.span.start)));
-        Checked { program, diagnostics, omitted_errors: self.omitted }
-    }
 }
