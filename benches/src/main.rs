@@ -52,7 +52,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (effort, many) = if arguments.quick {
         (Effort { rounds: 5, turn: Duration::from_micros(500) }, 50_000)
     } else {
-        (Effort { rounds: 51, turn: Duration::from_millis(2) }, 1_000_000)
+        (Effort { rounds: 101, turn: Duration::from_micros(500) }, 1_000_000)
     };
     let models = models::all();
     let sections = vec![
@@ -173,7 +173,7 @@ fn disagreement(model: &Model, asked: Asked, ours: &mut Ours, fidget: &mut Fidge
                 // Rounding may choose another side of a kink, where the derivative jumps.
                 at_kinks += 1;
             } else {
-                return Err(format!("{}: result {index} is {a} here, {b} by Fidget", model.name).into());
+                return Err(format!("{}: result {index} is {a} here and {b} by Fidget", model.name).into());
             }
         }
     }

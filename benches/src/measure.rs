@@ -11,7 +11,7 @@ use isograd_compiler::Watch;
 pub struct Effort {
     /// Turns of each job.
     pub rounds: usize,
-    /// Least time of one turn.
+    /// Least time of one turn. Short, so that few turns are interrupted where the machine has other work.
     pub turn: Duration,
 }
 

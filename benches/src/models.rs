@@ -368,3 +368,44 @@ pub fn points(count: usize, seed: u64) -> [Vec<f32>; 3] {
     }
     [x, y, z]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn generated_models_have_the_size_asked_for() {
+        for size in [50, 500, 8_000] {
+            assert_eq!(generated(size, 1).operations(), size);
+        }
+    }
+
+    #[test]
+    fn every_step_of_a_generated_model_counts() {
+        let steps = generated(2_000, 1);
+        let mut used = vec![false; steps.0.len()];
+        let mut mark = |i: usize| used[i] = true;
+        for step in &steps.0 {
+            match *step {
+                Step::Axis(_) | Step::Constant(_) => {}
+                Step::Neg(a) | Step::Abs(a) | Step::Sqrt(a) => mark(a),
+                Step::Add(a, b) | Step::Sub(a, b) | Step::Mul(a, b) | Step::Div(a, b) => {
+                    [a, b].into_iter().for_each(&mut mark)
+                }
+                Step::Min(a, b) | Step::Max(a, b) => [a, b].into_iter().for_each(&mut mark),
+            }
+        }
+        // Two of the three coordinates of a turned frame may be all that its parts use.
+        let unused = used.iter().filter(|u| !**u).count();
+        assert!(unused * 50 < used.len(), "{unused} of {} steps are not used", used.len());
+    }
+
+    #[test]
+    fn points_fill_the_cube() {
+        for column in points(1_000, 7) {
+            assert_eq!(column.len(), 1_000);
+            assert!(column.iter().all(|x| x.abs() <= 2.0));
+            assert!(column.iter().any(|x| *x < -1.5) && column.iter().any(|x| *x > 1.5));
+        }
+    }
+}

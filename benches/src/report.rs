@@ -38,17 +38,14 @@ pub struct Section {
     pub lines: Vec<Line>,
 }
 
-/// A number of three significant digits.
+/// A number of three significant digits, but not more than four decimals.
 pub fn digits(x: f64) -> String {
-    let before = if x.abs() >= 1.0 { x.abs().log10().floor() } else { 0.0 };
-    let decimals = if x == 0.0 {
-        0
-    } else if before >= 2.0 {
-        0
-    } else if before >= 1.0 {
-        1
-    } else {
-        2
+    let decimals = match x.abs() {
+        100.0.. => 0,
+        10.0.. => 1,
+        0.1.. => 2,
+        0.01.. => 3,
+        _ => 4,
     };
     format!("{x:.decimals$}")
 }
@@ -111,8 +108,12 @@ pub fn json(sections: &[Section]) -> Value {
                 .lines
                 .iter()
                 .map(|l| {
-                    let cells: serde_json::Map<_, _> =
-                        s.heads.iter().zip(&l.cells).map(|(h, c)| ((*h).to_owned(), json!(c))).collect();
+                    let cells: serde_json::Map<_, _> = s
+                        .heads
+                        .iter()
+                        .zip(&l.cells)
+                        .map(|(h, c)| ((*h).to_owned(), c.parse::<f64>().map_or_else(|_| json!(c), |x| json!(x))))
+                        .collect();
                     let within = l.verdict().map(|v| v == Verdict::Within);
                     json!({ "name": l.name, "cells": cells, "figure": l.figure, "goal": l.goal, "within": within })
                 })

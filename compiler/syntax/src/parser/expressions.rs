@@ -141,7 +141,7 @@ impl Parser<'_> {
         Ok(self.push_expr(constant, self.since(token)))
     }
 
-    /// `x`, `f(args)`, `N(args){ … }{ … }`, or the [24] form `x.C(args)`.
+    /// `x`, `f(args)`, `N(args){ … }{ … }`, or the \[24\] form `x.C(args)`.
     fn name_or_call(&mut self, token: Token) -> Parse<ExprId> {
         if self.peek(1).kind == K::Dot && self.peek(2).kind == K::Ident && self.peek(3).kind == K::LParen {
             return self.eval_name(token, false);
@@ -375,7 +375,7 @@ impl Parser<'_> {
         Ok(self.push_expr(ExprKind::If { arms, otherwise }, self.since(start)))
     }
 
-    /// `for v = init in lo..hi { … }` [24]
+    /// `for v = init in lo..hi { … }` \[24\]
     fn carried_loop(&mut self, start: Token) -> Parse<ExprId> {
         self.bump();
         let name = self.name("a name", &[K::Assign])?;

@@ -22,7 +22,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Whether a [24] `define` starts here.
+    /// Whether a \[24\] `define` starts here.
     pub(super) fn at_define(&mut self) -> bool {
         let token = self.current();
         token.kind == K::Ident
@@ -225,7 +225,7 @@ impl Parser<'_> {
         Ok((result, self.block()?))
     }
 
-    /// `export name(params) { … }` and `define name(params) { … }`, after the word [24].
+    /// `export name(params) { … }` and `define name(params) { … }`, after the word \[24\].
     fn untyped_function(&mut self, export: bool) -> Parse<ItemKind> {
         let what = if export { "`fn` or the name of the export" } else { "the name of the function" };
         let name = self.name(what, &[K::LParen])?;
