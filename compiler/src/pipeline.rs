@@ -4,6 +4,7 @@
 use isograd_elaborate::{Elaborated, elaborate};
 use isograd_graph::{Exhausted, Graph, Verified, Watch, verify};
 use isograd_program::{Loader, Program, Type};
+use isograd_syntax::tree::Tree;
 use isograd_syntax::{Code, Diagnostic, Diagnostics, Files, Limits};
 use isograd_transform::{DifferentiateError, derive, differentiate, fold, kernels, optimise, schedule};
 use isograd_wasm::{EmitError, Plan};
@@ -47,7 +48,8 @@ pub struct Checked {
     pub program: Option<Program>,
     /// BLAKE3 of all files with their names, hexadecimal: the program's id.
     pub digest: String,
-    trees: String,
+    /// Of the entry file.
+    tree: Tree,
 }
 
 /// An export as shown to users.
@@ -104,7 +106,6 @@ pub fn check(entry_name: &str, entry: Vec<u8>, loader: &dyn Loader, options: &Op
     watch.step("load");
     let loaded = isograd_program::load(entry_name, entry, &WithStd(loader), &options.limits);
     let digest = seal::digest(&loaded.files);
-    let trees = loaded.modules.first().map(|m| isograd_syntax::print(&m.tree)).unwrap_or_default();
     let mut found = Diagnostics::default();
     found.extend(loaded.diagnostics.iter().cloned());
     // Without all items, the checker would report names that only seem unknown.
@@ -116,7 +117,8 @@ pub fn check(entry_name: &str, entry: Vec<u8>, loader: &dyn Loader, options: &Op
         found.omit_errors(checked.omitted_errors);
         program = (!found.has_errors()).then_some(checked.program);
     }
-    Checked { files: loaded.files, diagnostics: reported(found, &options.limits), program, digest, trees }
+    let tree = loaded.modules.into_iter().next().map(|m| m.tree).unwrap_or_default();
+    Checked { files: loaded.files, diagnostics: reported(found, &options.limits), program, digest, tree }
 }
 
 /// Diagnostics in source order, at most as many as the limit allows; the rest is counted.
@@ -162,7 +164,7 @@ pub fn print_step(
     watch: &dyn Watch,
 ) -> Result<String, Vec<Diagnostic>> {
     match (step, &checked.program) {
-        ("load" | "parse", _) => return Ok(checked.trees.clone()),
+        ("load" | "parse", _) => return Ok(isograd_syntax::print(&checked.tree)),
         ("check", Some(program)) => return Ok(isograd_program::print(program)),
         _ if STEPS.contains(&step) => {}
         _ => {
@@ -227,13 +229,12 @@ fn run(
     watch.step("emit");
     let verified = verify(graph).map_err(|e| vec![internal(&e.to_string())])?;
     let emission = isograd_wasm::Options { precision, varying: &wanting.varying, vectors: None };
-    let plan = Plan::new(&verified, &emission).map_err(|e| vec![unemittable(&e)])?;
+    let written = Plan::new(&verified, &emission).and_then(Plan::write).map_err(|e| vec![unemittable(&e)])?;
 
     watch.step("seal");
     let identity = Identity::of(&checked.digest, request, &wanting);
-    let manifest = seal::manifest(&identity, request, &wanting, plan.layout(), plan.facts());
-    let custom = serde_json::to_vec(&manifest).unwrap_or_default();
-    let bytes = plan.emit(&custom).map_err(|e| vec![unemittable(&e)])?.bytes;
+    let manifest = seal::manifest(&identity, request, &wanting, &written.layout, written.facts);
+    let bytes = written.seal(&serde_json::to_vec(&manifest).unwrap_or_default()).bytes;
     observe("emit", Stage::Module(&bytes));
     observe("seal", Stage::Module(&bytes));
     Ok(Artefact { bytes, manifest, warnings })

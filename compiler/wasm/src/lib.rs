@@ -160,16 +160,43 @@ impl<'g> Plan<'g> {
         self.vectors
     }
 
-    /// Writes the module. The manifest goes into the custom section [`MANIFEST`]; an empty one is left out.
+    /// Writes the code.
     ///
     /// # Errors
     /// If the code exceeds a limit of WebAssembly.
-    pub fn emit(self, manifest: &[u8]) -> Result<Module, EmitError> {
+    pub fn write(self) -> Result<Written, EmitError> {
         let body = emit::body(self.graph, &self.rates, &self.lives, &self.layout, self.vectors as u32)?;
         if body.len() > FUNCTION_BYTES {
             return Err(EmitError::Code { bytes: body.len() });
         }
-        Ok(Module { bytes: assemble(&body, self.layout.memory, manifest), layout: self.layout, facts: self.facts })
+        Ok(Written { body, layout: self.layout, facts: self.facts })
+    }
+
+    /// Writes the code and the module around it.
+    ///
+    /// # Errors
+    /// As [`Plan::write`].
+    pub fn emit(self, manifest: &[u8]) -> Result<Module, EmitError> {
+        Ok(self.write()?.seal(manifest))
+    }
+}
+
+/// The code of a module that lacks its manifest.
+#[derive(Debug, Clone)]
+pub struct Written {
+    body: Vec<u8>,
+    /// Where the columns lie.
+    pub layout: Layout,
+    /// What compilation and calls may take.
+    pub facts: Facts,
+}
+
+impl Written {
+    /// The module. The manifest goes into the custom section [`MANIFEST`]; an empty one is left out.
+    #[must_use]
+    pub fn seal(self, manifest: &[u8]) -> Module {
+        let bytes = assemble(&self.body, self.layout.memory, manifest);
+        Module { bytes, layout: self.layout, facts: self.facts }
     }
 }
 

@@ -88,7 +88,8 @@ pub const NEG: OpDef = OpDef {
     domain: &[ANY],
     accuracy: Accuracy::Exact,
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a f32x4.neg", f64x2: "a f64x2.neg" },
+    // Cranelift builds the mask of `f32x4.neg` and `abs` anew each time; a constant is one operand in memory.
+    lowering: Lowering::Lanes { f32x4: "a i32:-2147483648 v128.xor", f64x2: "a i64:-9223372036854775808 v128.xor" },
 };
 
 pub const SQRT: OpDef = OpDef {
@@ -122,7 +123,7 @@ pub const ABS: OpDef = OpDef {
     domain: &[ANY],
     accuracy: Accuracy::Exact,
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a f32x4.abs", f64x2: "a f64x2.abs" },
+    lowering: Lowering::Lanes { f32x4: "a i32:2147483647 v128.and", f64x2: "a i64:9223372036854775807 v128.and" },
 };
 
 /// a − b for two operands: where `min` and `max` have their kink.
