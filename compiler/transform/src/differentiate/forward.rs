@@ -1,8 +1,8 @@
 //! The sweep: copies a graph and makes the needed tangents beside each value.
 
 use isograd_graph::ops::{Derivative, Partial};
-use isograd_graph::{Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Scalar, Watch};
-use rustc_hash::FxHashMap;
+use isograd_graph::{Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Watch};
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::Diff;
 use super::activity::Activity;
@@ -26,7 +26,7 @@ pub fn expand(
         graph,
         activity,
         needed: activity.needed(wanted),
-        wanted: wanted.iter().map(|d| (d.node, ())).collect(),
+        wanted: wanted.iter().map(|d| d.node).collect(),
         b: Builder::new(Mode::Raw, max_nodes, watch),
         copy: RawCopy::new(graph),
         tangents: FxHashMap::default(),
@@ -61,7 +61,7 @@ struct Forward<'g, 'w> {
     graph: &'g Graph,
     activity: &'g Activity<'g>,
     needed: Vec<u64>,
-    wanted: FxHashMap<NodeId, ()>,
+    wanted: FxHashSet<NodeId>,
     b: Builder<'w>,
     copy: RawCopy<'g>,
     tangents: FxHashMap<Key, NodeId>,
@@ -80,7 +80,7 @@ impl Forward<'_, '_> {
             (self.zero, self.one) = (self.b.real(0.0), self.b.real(1.0));
         }
         let order = self.old_orders.get(at.index()).copied().unwrap_or(0);
-        if let (Node::Diff { value, wrt }, true) = (node, self.wanted.contains_key(&at)) {
+        if let (Node::Diff { value, wrt }, true) = (node, self.wanted.contains(&at)) {
             self.b.set_origin(self.graph.origin(at));
             let tangent = self.activity.seed(wrt).and_then(|bit| self.tangent(value, bit.trailing_zeros()));
             let order = order.max(self.order_below(value)) + u32::from(tangent.is_some());
@@ -212,7 +212,6 @@ impl Forward<'_, '_> {
                 }
             }
         }
-        debug_assert!(self.graph.scalar(at) == Scalar::Real, "only reals have tangents");
     }
 }
 

@@ -12,7 +12,6 @@ mod forward;
 use std::fmt;
 
 use isograd_graph::{Exhausted, Graph, Node, NodeId, Origin, Watch};
-use rustc_hash::FxHashMap;
 
 use crate::live::live;
 
@@ -103,13 +102,8 @@ pub fn differentiate(
 
 /// The distinct seeds in order, at most [`BATCH`] at a time.
 fn batches(diffs: &[Diff]) -> Vec<Vec<NodeId>> {
-    let mut seen = FxHashMap::default();
-    let mut seeds = Vec::new();
-    for diff in diffs {
-        if seen.insert(diff.wrt, ()).is_none() {
-            seeds.push(diff.wrt);
-        }
-    }
+    let mut seeds: Vec<NodeId> = diffs.iter().map(|d| d.wrt).collect();
     seeds.sort_unstable();
+    seeds.dedup();
     seeds.chunks(BATCH).map(<[NodeId]>::to_vec).collect()
 }
