@@ -1,6 +1,11 @@
 //! Isograd over HTTP: programs in, values and gradients out. Also what the command line shares with it: how values
 //! are put to a compiled program and what comes back ([`evaluate`], [`values`], [`outputs`]).
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
+)]
+
 pub mod evaluate;
 mod json_values;
 mod libraries;
