@@ -17,7 +17,11 @@ const CHEAP: u32 = 40;
 pub fn schedule(graph: &Graph, precision: Precision, max_nodes: usize, watch: &dyn Watch) -> Result<Graph, Exhausted> {
     let cheap = cheap_gammas(graph);
     let flat = |gamma: NodeId| cheap.get(gamma.index()).copied().unwrap_or(false);
-    let graph = copy_flat(graph, Mode::Real(precision), &flat, max_nodes, watch, |b, op, args| b.op(op, args))?;
+    let graph = if cheap.contains(&true) {
+        copy_flat(graph, Mode::Real(precision), &flat, max_nodes, watch, |b, op, args| b.op(op, args))?
+    } else {
+        graph.clone()
+    };
     let reordered = in_order(&graph, &depth_first(&graph), precision, max_nodes, watch)?;
     Ok(if max_live(&reordered) < max_live(&graph) { reordered } else { graph })
 }
