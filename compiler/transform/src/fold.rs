@@ -4,6 +4,7 @@ use isograd_graph::ops::Lowering;
 use isograd_graph::{Exhausted, Graph, Mode, Node, Precision, Watch};
 
 use crate::copy::copy;
+use crate::live::live;
 
 /// Computes what is constant in f64 and rounds it where it meets a value that is not (LANGUAGE 17.3). This is
 /// meaning, not optimisation: it always runs, once, after the derivatives are expanded.
@@ -36,16 +37,20 @@ pub fn kernels(graph: &Graph, precision: Precision, max_nodes: usize, watch: &dy
     Ok(graph)
 }
 
-/// Applies the rewrites that preserve bits and drops what no output needs, until the graph stops shrinking.
+/// Applies the rewrites that preserve bits and drops what no output needs, until rewrites leave nothing unneeded.
 ///
 /// # Errors
 /// If the budget is spent.
 pub fn optimise(graph: &Graph, precision: Precision, max_nodes: usize, watch: &dyn Watch) -> Result<Graph, Exhausted> {
-    let mut size = graph.len();
-    let mut graph = copy(graph, Mode::Real(precision), max_nodes, watch, |b, op, args| b.op(op, args))?;
-    while graph.len() < size {
-        size = graph.len();
-        graph = copy(&graph, Mode::Real(precision), max_nodes, watch, |b, op, args| b.op(op, args))?;
+    let pass = |graph: &Graph| copy(graph, Mode::Real(precision), max_nodes, watch, |b, op, args| b.op(op, args));
+    let mut graph = pass(graph)?;
+    while has_dead_operations(&graph) {
+        graph = pass(&graph)?;
     }
     Ok(graph)
+}
+
+fn has_dead_operations(graph: &Graph) -> bool {
+    let live = live(graph);
+    graph.iter().zip(live).any(|((_, node), live)| matches!(node, Node::Apply(..)) && !live)
 }
