@@ -39,6 +39,12 @@ impl Args {
         Self(all)
     }
 
+    /// What stands for the operands elsewhere, in another graph for example.
+    #[must_use]
+    pub fn map(self, mut to: impl FnMut(NodeId) -> NodeId) -> Self {
+        Self(self.0.map(|x| if x == NodeId::NONE { x } else { to(x) }))
+    }
+
     /// The operands as a slice.
     #[must_use]
     pub fn as_slice(&self) -> &[NodeId] {

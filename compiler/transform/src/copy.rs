@@ -125,11 +125,8 @@ impl<F: FnMut(&mut Builder<'_>, Op, &[NodeId]) -> NodeId> Copier<'_, '_, F> {
             Node::Int(x) => self.builder.int(x),
             Node::Bool(x) => self.builder.bool(x),
             Node::Apply(op, args) => {
-                let mut operands = [NodeId::NONE; 4];
-                for (place, arg) in operands.iter_mut().zip(args.as_slice()) {
-                    *place = self.to(*arg);
-                }
-                (self.apply)(&mut self.builder, op, operands.get(..args.as_slice().len()).unwrap_or(&[]))
+                let operands = args.map(|x| self.to(x));
+                (self.apply)(&mut self.builder, op, operands.as_slice())
             }
             Node::Fresh(x) => {
                 let x = self.to(x);

@@ -1,7 +1,7 @@
 //! Copying a raw graph node by node: nothing is shared that was not, nothing is dropped. The part that `derive` and
 //! `differentiate` have in common.
 
-use isograd_graph::{Args, Builder, Graph, Node, NodeId};
+use isograd_graph::{Builder, Graph, Node, NodeId};
 
 pub struct RawCopy<'g> {
     graph: &'g Graph,
@@ -34,13 +34,7 @@ impl<'g> RawCopy<'g> {
             Node::Real(bits) => b.real(f64::from_bits(bits)),
             Node::Int(x) => b.int(x),
             Node::Bool(x) => b.bool(x),
-            Node::Apply(op, args) => {
-                let mut operands = [NodeId::NONE; 4];
-                for (place, arg) in operands.iter_mut().zip(args.as_slice()) {
-                    *place = self.to(*arg);
-                }
-                b.append(Node::Apply(op, Args::new(&operands)), scalar)
-            }
+            Node::Apply(op, args) => b.append(Node::Apply(op, args.map(|x| self.to(x))), scalar),
             Node::Fresh(x) => b.fresh(self.to(x)),
             Node::Diff { value, wrt } => b.append(Node::Diff { value: self.to(value), wrt: self.to(wrt) }, scalar),
             Node::Gamma { cond, .. } => b.gamma(self.to(cond)),

@@ -74,13 +74,7 @@ fn in_order(
             Node::Real(bits) => b.real(f64::from_bits(bits)),
             Node::Int(x) => b.int(x),
             Node::Bool(x) => b.bool(x),
-            Node::Apply(op, args) => {
-                let mut operands = [NodeId::NONE; 4];
-                for (place, arg) in operands.iter_mut().zip(args.as_slice()) {
-                    *place = to(*arg);
-                }
-                b.op(op, operands.get(..args.as_slice().len()).unwrap_or(&[]))
-            }
+            Node::Apply(op, args) => b.op(op, args.map(to).as_slice()),
             Node::Gamma { cond, .. } => b.gamma(to(cond)),
             Node::Else { .. } => {
                 b.otherwise();

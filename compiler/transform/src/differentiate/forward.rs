@@ -1,7 +1,7 @@
 //! The sweep: copies a graph and makes the needed tangents beside each value.
 
 use isograd_graph::ops::{Derivative, Partial};
-use isograd_graph::{Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Watch};
+use isograd_graph::{Args, Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Watch};
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::Diff;
@@ -165,11 +165,8 @@ impl Forward<'_, '_> {
     }
 
     fn apply(&mut self, at: NodeId, op: Op, args: &[NodeId], bits: u64) {
-        let mut operands = [NodeId::NONE; 4];
-        for (place, arg) in operands.iter_mut().zip(args) {
-            *place = self.copy.to(*arg);
-        }
-        let operands = operands.get(..args.len()).unwrap_or(&[]);
+        let operands = Args::new(args).map(|x| self.copy.to(x));
+        let operands = operands.as_slice();
         let result = self.copy.to(at);
         match &op.def().derivative {
             Derivative::Zero => {}
