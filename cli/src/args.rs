@@ -1,11 +1,12 @@
 //! The command line: every command and flag, declared once. Knows what may be written, not what it does.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use isograd_compiler::{Precision, Query, STEPS};
+use isograd_server::Config;
 
 /// Compiles distance fields written in Vola and evaluates them with their derivatives.
 ///
@@ -21,8 +22,10 @@ pub struct Isograd {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Report what is wrong with a program.
+    /// Report what is wrong with programs.
     Check(Check),
+    /// List the exports of a program: documentation, parameters with defaults and ranges, results.
+    Describe(Describe),
     /// Compile exports to WebAssembly, or show what a step of the compiler makes of them.
     Compile(Compile),
     /// Evaluate an export, or its derivatives, at points.
@@ -33,6 +36,23 @@ Examples:
     Eval(Eval),
     /// Serve the HTTP API.
     Serve(Serve),
+    /// Explain diagnostics by example; without a code, list them all.
+    Explain(Explain),
+    /// List the limits: name, default, the diagnostic that reports it, what it counts.
+    Limits(Limits),
+}
+
+/// What every command takes that reads a program.
+#[derive(Debug, Args)]
+pub struct Reading {
+    #[command(flatten)]
+    pub external: External,
+    /// Change a limit of the language; `isograd limits` lists them. May be repeated.
+    #[arg(long = "limit", value_name = "NAME=VALUE", value_parser = limit)]
+    pub limits: Vec<(String, u64)>,
+    /// Fail if there are warnings.
+    #[arg(long)]
+    pub deny_warnings: bool,
 }
 
 /// External modules.
@@ -46,13 +66,26 @@ pub struct External {
 /// `isograd check`
 #[derive(Debug, Args)]
 pub struct Check {
+    /// The entry files, each of a program.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// How to write the diagnostics.
+    #[arg(long, value_enum, default_value_t = ReportFormat::Terminal)]
+    pub format: ReportFormat,
+    #[command(flatten)]
+    pub reading: Reading,
+}
+
+/// `isograd describe`
+#[derive(Debug, Args)]
+pub struct Describe {
     /// The program's entry file.
     pub file: PathBuf,
-    /// Write the diagnostics as JSON to the standard output.
+    /// Write JSON, as the HTTP API does.
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
-    pub external: External,
+    pub reading: Reading,
 }
 
 /// `isograd compile`
@@ -86,7 +119,7 @@ pub struct Compile {
     #[arg(long, value_name = "DIR", conflicts_with = "emit")]
     pub out_dir: Option<PathBuf>,
     #[command(flatten)]
-    pub external: External,
+    pub reading: Reading,
 }
 
 /// `isograd eval`
@@ -97,7 +130,8 @@ pub struct Eval {
     /// The export to evaluate; may be left out if there is one.
     #[arg(long, value_name = "NAME")]
     pub export: Option<String>,
-    /// One point: all parameters flattened, `x,y,z,…`. May be repeated.
+    /// One point: all parameters flattened, `x,y,z,…`; the last ones may be left out if they have defaults. May be
+    /// repeated.
     #[arg(long, value_name = "A,B,…", allow_hyphen_values = true, conflicts_with_all = ["points", "set"])]
     pub args: Vec<String>,
     /// Points as CSV, `-` for the standard input. The header names scalars of parameters: `at.x,at.y,at.z`.
@@ -119,20 +153,57 @@ pub struct Eval {
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..))]
     pub deadline: u64,
     #[command(flatten)]
-    pub external: External,
+    pub reading: Reading,
 }
 
 /// `isograd serve`
 #[derive(Debug, Args)]
 pub struct Serve {
-    /// Where to listen; port 0 takes any free one.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8787")]
-    pub listen: SocketAddr,
-    /// The directory that keeps posted programs.
-    #[arg(long, value_name = "DIR", default_value = "store")]
-    pub store: PathBuf,
+    /// Read the configuration from this TOML file: `listen`, `store`, `[libraries]`, `[limits]`. Flags win over it.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    #[arg(long, value_name = "ADDRESS", help = by_default("Where to listen; port 0 takes any free one", |c| c.listen.to_string()))]
+    pub listen: Option<SocketAddr>,
+    #[arg(long, value_name = "DIR", help = by_default("The directory that keeps posted programs", |c| c.store.display().to_string()))]
+    pub store: Option<PathBuf>,
+    /// Change a limit of the language or of the service; `isograd limits` lists them. May be repeated.
+    #[arg(long = "limit", value_name = "NAME=VALUE", value_parser = limit)]
+    pub limits: Vec<(String, u64)>,
     #[command(flatten)]
     pub external: External,
+}
+
+fn by_default(what: &str, default: fn(Config) -> String) -> String {
+    format!("{what} [default: {}]", default(Config::default()))
+}
+
+/// `isograd explain`
+#[derive(Debug, Args)]
+pub struct Explain {
+    /// Codes of diagnostics: `E0401`.
+    #[arg(value_name = "CODE")]
+    pub codes: Vec<String>,
+}
+
+/// `isograd limits`
+#[derive(Debug, Args)]
+pub struct Limits {
+    /// Write JSON, as the HTTP API does.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How diagnostics are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ReportFormat {
+    /// Text with the source lines, on the standard error.
+    Terminal,
+    /// An array, on the standard output.
+    Json,
+    /// A SARIF 2.1.0 log, on the standard output.
+    Sarif,
+    /// Workflow commands that GitHub shows as annotations, on the standard output.
+    Github,
 }
 
 /// How results are written.
@@ -190,11 +261,28 @@ fn query(text: &str) -> Result<Query, String> {
 
 fn library(text: &str) -> Result<(String, PathBuf), String> {
     match assignment(text)? {
-        (name, _) if !is_identifier(&name) => Err(format!("`{name}` cannot stand in `module {name}::…;`")),
         (name, directory) => {
             let directory = PathBuf::from(directory);
-            if directory.is_dir() { Ok((name, directory)) } else { Err("there is no such directory".to_owned()) }
+            usable(&name, &directory)?;
+            Ok((name, directory))
         }
+    }
+}
+
+/// Whether a library can have this name and directory.
+pub fn usable(name: &str, directory: &Path) -> Result<(), String> {
+    if !is_identifier(name) {
+        return Err(format!("`{name}` cannot stand in `module {name}::…;`"));
+    }
+    if directory.is_dir() { Ok(()) } else { Err(format!("there is no directory `{}`", directory.display())) }
+}
+
+/// Whether there is a limit of this name depends on the command.
+fn limit(text: &str) -> Result<(String, u64), String> {
+    let (name, value) = assignment(text)?;
+    match value.trim().replace('_', "").parse() {
+        Ok(value) => Ok((name, value)),
+        Err(_) => Err(format!("`{value}` is no whole number")),
     }
 }
 

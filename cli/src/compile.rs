@@ -12,7 +12,7 @@ use crate::{Failure, files, report};
 
 /// Runs the command.
 pub fn run(args: &Compile) -> Result<(), Failure> {
-    let options = Options::default();
+    let options = files::options(&args.reading)?;
     let watch = Stopwatch::start(&options.limits);
     let result = write(args, &options, &watch);
     if args.timings {
@@ -25,11 +25,11 @@ fn write(args: &Compile, options: &Options, watch: &Stopwatch) -> Result<(), Fai
     let emit = args.emit.as_deref().map(step);
     if emit == Some("parse") || emit == Some("load") {
         // A tree can be shown of a program with errors as well.
-        let checked = files::load(&args.file, &args.external, options, watch)?;
+        let checked = files::load(&args.file, &args.reading, options, watch)?;
         report::diagnostics(&checked.diagnostics, &checked.files);
         return print(args, &checked, &[Request::default()], "parse", options, watch);
     }
-    let checked = files::load_sound(&args.file, &args.external, options, watch)?;
+    let checked = files::load_sound(&args.file, &args.reading, options, watch)?;
     let exports = checked.exports();
     if emit == Some("check") {
         return print(args, &checked, &[Request::default()], "check", options, watch);
@@ -127,6 +127,11 @@ fn modules(
             }
         };
         report::diagnostics(&artefact.warnings, &checked.files);
+        if let Err(refused) = files::refuse_warnings(&args.reading, &artefact.warnings) {
+            refused.report();
+            failed = true;
+            continue;
+        }
         let path = args.output.clone().unwrap_or_else(|| directory.join(format!("{}.wasm", request.export)));
         if path == Path::new("-") {
             let mut out = stdout().lock();

@@ -3,7 +3,7 @@
 use std::io::{BufWriter, Write, stdout};
 use std::time::Duration;
 
-use isograd_compiler::{Options, Query, Request, compile};
+use isograd_compiler::{Query, Request, compile};
 use isograd_runtime::Runtime;
 use isograd_server::evaluate::{EvaluateError, load, run as evaluate, set_rates};
 use isograd_server::{Stopwatch, select};
@@ -13,9 +13,9 @@ use crate::{Failure, files, inputs, report, table};
 
 /// Runs the command.
 pub fn run(args: &Eval) -> Result<(), Failure> {
-    let options = Options::default();
+    let options = files::options(&args.reading)?;
     let watch = Stopwatch::start(&options.limits);
-    let checked = files::load_sound(&args.file, &args.external, &options, &watch)?;
+    let checked = files::load_sound(&args.file, &args.reading, &options, &watch)?;
     let exports = checked.exports();
     let export = select::export(&exports, args.export.as_deref()).map_err(|e| Failure::Wrong(e.0))?;
     let queries = if args.queries.is_empty() { vec![Query::Value] } else { args.queries.clone() };
@@ -31,6 +31,7 @@ pub fn run(args: &Eval) -> Result<(), Failure> {
         Failure::Reported
     })?;
     report::diagnostics(&artefact.warnings, &checked.files);
+    files::refuse_warnings(&args.reading, &artefact.warnings)?;
 
     let deadline = Some(Duration::from_secs(args.deadline));
     let outputs = load(&Runtime::default(), &artefact)

@@ -3,9 +3,9 @@
 use std::path::{Component, Path, PathBuf};
 
 use isograd_compiler::{Checked, Diagnostic, Loader, ModulePath, Options, Watch, check};
-use isograd_server::{Libraries, diagnose, read_source};
+use isograd_server::{Libraries, diagnose, limits, read_source};
 
-use crate::args::External;
+use crate::args::Reading;
 use crate::{Failure, report};
 
 /// Files in and around the directory of the entry file, and registered libraries.
@@ -62,15 +62,45 @@ impl Loader for FsLoader {
     }
 }
 
+/// The options that the arguments ask for.
+///
+/// # Errors
+/// If one names a limit that is none.
+pub fn options(reading: &Reading) -> Result<Options, Failure> {
+    let mut options = Options::default();
+    for (name, value) in &reading.limits {
+        limits::set(name, *value, &mut options.limits, None)
+            .map_err(|error| Failure::Usage(format!("`--limit {name}={value}`: {error}")))?;
+    }
+    Ok(options)
+}
+
+/// Fails if there are warnings and the arguments deny them; they have been reported.
+///
+/// # Errors
+/// How many there are.
+pub fn refuse_warnings(reading: &Reading, diagnostics: &[Diagnostic]) -> Result<(), Failure> {
+    let count = diagnostics.iter().filter(|d| !d.is_error()).count();
+    let found = match count {
+        1 => "1 warning".to_owned(),
+        _ => format!("{count} warnings"),
+    };
+    match count {
+        0 => Ok(()),
+        _ if !reading.deny_warnings => Ok(()),
+        _ => Err(Failure::Wrong(format!("{found}, and `--deny-warnings` is given"))),
+    }
+}
+
 /// Reads and checks a program, without reporting anything.
 ///
 /// # Errors
 /// If the entry file cannot be read.
-pub fn load(file: &Path, external: &External, options: &Options, watch: &dyn Watch) -> Result<Checked, Failure> {
+pub fn load(file: &Path, reading: &Reading, options: &Options, watch: &dyn Watch) -> Result<Checked, Failure> {
     let entry =
         read_source(file).map_err(|error| Failure::Wrong(format!("cannot read `{}`: {error}", file.display())))?;
     let mut libraries = Libraries::default();
-    for (name, directory) in &external.libraries {
+    for (name, directory) in &reading.external.libraries {
         if libraries.0.insert(name.clone(), directory.clone()).is_some() {
             return Err(Failure::Usage(format!("the library `{name}` is registered twice")));
         }
@@ -83,14 +113,15 @@ pub fn load(file: &Path, external: &External, options: &Options, watch: &dyn Wat
 /// Reads and checks a program for use; reports its errors and warnings.
 ///
 /// # Errors
-/// If it has errors.
-pub fn load_sound(file: &Path, external: &External, options: &Options, watch: &dyn Watch) -> Result<Checked, Failure> {
-    let checked = load(file, external, options, watch)?;
+/// If it has errors, or warnings that are not wanted.
+pub fn load_sound(file: &Path, reading: &Reading, options: &Options, watch: &dyn Watch) -> Result<Checked, Failure> {
+    let checked = load(file, reading, options, watch)?;
+    if !checked.is_ok() {
+        // Nothing will be compiled that could find the rest.
+        report::diagnostics(&diagnose(&checked, options), &checked.files);
+        return Err(Failure::Reported);
+    }
     report::diagnostics(&checked.diagnostics, &checked.files);
-    if checked.is_ok() { Ok(checked) } else { Err(Failure::Reported) }
-}
-
-/// All diagnostics of a program, those of compiling its exports included.
-pub fn all_diagnostics(checked: &Checked, options: &Options) -> Vec<Diagnostic> {
-    diagnose(checked, options)
+    refuse_warnings(reading, &checked.diagnostics)?;
+    Ok(checked)
 }

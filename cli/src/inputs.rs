@@ -25,7 +25,7 @@ pub fn gather(args: &Eval, export: &Export) -> Result<Inputs, Failure> {
         let fixed: Vec<&str> = args.set.iter().map(|(name, _)| name.as_str()).collect();
         let columns = from_csv(path, export, &fixed).map_err(Failure::Wrong)?;
         named.extend(columns);
-    } else if named.is_empty() && !export.parameters.is_empty() {
+    } else if named.is_empty() && export.parameters.iter().any(|p| p.default.is_none()) {
         let takes = takes(export);
         return Err(Failure::Wrong(format!(
             "no values for the parameters of `{}`: {takes}; give them with `--args`, `--points` or `--set`",
@@ -49,17 +49,47 @@ fn counted(n: usize) -> String {
     if n == 1 { "1 value".to_owned() } else { format!("{n} values") }
 }
 
+/// The defaults of the parameters after the first `count` scalars; `None` if those end inside a parameter or are too
+/// many, or a parameter after them has no default.
+fn defaults_after(export: &Export, count: usize) -> Option<Vec<f64>> {
+    let mut before = 0;
+    let mut defaults = Vec::new();
+    for parameter in &export.parameters {
+        let end = before + parameter.ty.len() as usize;
+        if before >= count {
+            defaults.extend_from_slice(parameter.default.as_deref()?);
+        } else if end > count {
+            return None;
+        }
+        before = end;
+    }
+    (count <= before).then_some(defaults)
+}
+
+/// How many scalars must be given: those up to the last parameter without default.
+fn required(export: &Export) -> usize {
+    let optional = export.parameters.iter().rev().take_while(|p| p.default.is_some()).count();
+    let needed = export.parameters.len() - optional;
+    export.parameters.iter().take(needed).map(|p| p.ty.len() as usize).sum()
+}
+
 /// One point per text. A parameter other than the first is uniform if its value is the same at all points.
 fn from_args(points: &[String], export: &Export) -> Result<Inputs, Failure> {
     let scalars = scalars(export);
     let mut columns: Vec<Vec<f64>> = vec![Vec::with_capacity(points.len()); scalars.len()];
     for text in points {
         let given = list(text);
-        if given.len() != scalars.len() {
+        let Some(left_out) = defaults_after(export, given.len()) else {
             let has = counted(given.len());
-            let takes = takes(export);
-            let n = scalars.len();
-            return Err(Failure::Wrong(format!("`--args {text}` has {has}, `{}` takes {n}: {takes}", export.name)));
+            let (takes, n) = (takes(export), scalars.len());
+            let fewer = match required(export) {
+                least if least < n => format!("{n}, or fewer from {least} on up to the end of a parameter"),
+                _ => n.to_string(),
+            };
+            return Err(Failure::Wrong(format!("`--args {text}` has {has}, `{}` takes {fewer}: {takes}", export.name)));
+        };
+        for (column, x) in columns.iter_mut().skip(given.len()).zip(left_out) {
+            column.push(x);
         }
         for ((column, (name, kind)), cell) in columns.iter_mut().zip(&scalars).zip(given) {
             let x = parse(*kind, cell).map_err(|expected| {

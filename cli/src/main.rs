@@ -4,9 +4,12 @@
 mod args;
 mod check;
 mod compile;
+mod describe;
 mod eval;
+mod explain;
 mod files;
 mod inputs;
+mod limits;
 mod report;
 mod serve;
 mod table;
@@ -39,25 +42,37 @@ impl From<io::Error> for Failure {
 fn main() -> ExitCode {
     let result = match Isograd::parse().command {
         Command::Check(args) => check::run(&args),
+        Command::Describe(args) => describe::run(&args),
         Command::Compile(args) => compile::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Serve(args) => serve::run(args),
+        Command::Explain(args) => explain::run(&args),
+        Command::Limits(args) => limits::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        Err(Failure::Reported) => ExitCode::from(1),
-        Err(Failure::Wrong(message)) => {
-            report::error(&message);
-            ExitCode::from(1)
-        }
-        Err(Failure::Usage(message)) => {
-            report::error(&message);
-            ExitCode::from(2)
-        }
-        Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
-        Err(Failure::Output(error)) => {
-            report::error(&format!("cannot write the result: {error}"));
-            ExitCode::from(1)
+        Err(failure) => failure.report(),
+    }
+}
+
+impl Failure {
+    /// Tells it, unless that was done; the exit code it stands for.
+    fn report(self) -> ExitCode {
+        match self {
+            Self::Reported => ExitCode::from(1),
+            Self::Wrong(message) => {
+                report::error(&message);
+                ExitCode::from(1)
+            }
+            Self::Usage(message) => {
+                report::error(&message);
+                ExitCode::from(2)
+            }
+            Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+            Self::Output(error) => {
+                report::error(&format!("cannot write the result: {error}"));
+                ExitCode::from(1)
+            }
         }
     }
 }

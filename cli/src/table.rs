@@ -191,8 +191,8 @@ mod tests {
         let export = Export {
             name: "f".to_owned(),
             parameters: vec![
-                Parameter { name: "at".to_owned(), ty: Type::Vector(2) },
-                Parameter { name: "n".to_owned(), ty: Type::Int },
+                Parameter { name: "at".to_owned(), ty: Type::Vector(2), default: None, range: None },
+                Parameter { name: "n".to_owned(), ty: Type::Int, default: None, range: None },
             ],
             result: Type::Real,
             doc: None,

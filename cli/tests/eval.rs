@@ -189,6 +189,37 @@ fn inputs_that_do_not_fit_are_told_by_name() {
 }
 
 #[test]
+fn parameters_with_defaults_may_be_left_out() {
+    let dir = Dir::with(
+        "export fn f(x: vec2, a: real = 10.0 in [0.0 .. 100.0], b: vec2 = [100.0, 1000.0], up: bool = true) -> real \
+         { x.x + x.y + a + b.x + b.y + up::<real> }",
+    );
+    let run =
+        |args: &[&str], points: &str| dir.run_with(&[&["eval", "main.vola", "--format", "csv"], args].concat(), points);
+    assert_eq!(run(&["--args", "1,2"], "").ok(), "value\n1114.0\n");
+    assert_eq!(
+        run(&["--args", "1,2", "--args", "1,2,20", "--args", "1,2,20,0,0,0"], "").ok(),
+        "value\n1114.0\n1124.0\n23.0\n"
+    );
+    assert_eq!(run(&["--set", "x=1,2", "--set", "b=0,0"], "").ok(), "value\n14.0\n");
+    assert_eq!(run(&["--points", "-"], "x.x,x.y\n1,2\n3,4\n").ok(), "value\n1114.0\n1118.0\n");
+    assert_eq!(run(&["--points", "-", "--set", "up=0"], "x.x,x.y,a\n1,2,0\n").ok(), "value\n1103.0\n");
+    assert_eq!(run(&["--args", "1,2,1000"], "").ok(), "value\n2104.0\n", "a range changes no value");
+    run(&["--args", "1,2,20,0"], "")
+        .fails_with(1, &["has 4 values", "takes 6, or fewer from 2 on", "`a: real` with default 10.0"]);
+    run(&["--args", "1"], "").fails_with(1, &["has 1 value,"]);
+    run(&["--args", "1,2,3,4,5,1,7"], "").fails_with(1, &["has 7 values"]);
+    run(&["--set", "a=1"], "").fails_with(1, &["no value for the parameter `x: vec2` (x.x, x.y)"]);
+    run(&[], "").fails_with(1, &["no values for the parameters", "--args"]);
+    run(&["--points", "-"], "x.x,x.y,b.x\n").fails_with(1, &["the column b.y of `b: vec2`"]);
+    let all = Dir::with("export fn f(x: real = 2.0) -> real { x * x }");
+    assert_eq!(
+        all.run(&["eval", "main.vola", "--format", "csv", "--query", "gradient(x)"]).ok(),
+        "gradient(x).x\n4.0\n"
+    );
+}
+
+#[test]
 fn wrong_usage_is_exit_code_2() {
     let dir = Dir::with(BALL);
     for args in [

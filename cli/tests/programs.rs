@@ -9,7 +9,7 @@ const BALL: &str = "export fn ball(at: vec3, radius: real) -> real { length(at) 
 #[test]
 fn a_sound_program_passes_without_a_word() {
     assert_eq!(Dir::with(BALL).run(&["check", "main.vola"]).ok(), "");
-    assert_eq!(Dir::with(BALL).run(&["check", "main.vola", "--json"]).ok(), "[]\n");
+    assert_eq!(Dir::with(BALL).run(&["check", "main.vola", "--format", "json"]).ok(), "[]\n");
 }
 
 #[test]
@@ -34,7 +34,7 @@ fn bad_programs_are_coded_diagnostics_with_a_place() {
         let dir = Dir::with(text);
         let began = std::time::Instant::now();
         dir.run(&["check", "main.vola"]).fails_with(1, &[&format!("error[{code}"), "main.vola"]);
-        let json = dir.run(&["check", "main.vola", "--json"]);
+        let json = dir.run(&["check", "main.vola", "--format", "json"]);
         assert_eq!((json.code, json.err.as_str()), (Some(1), ""), "{json:?}");
         let found: serde_json::Value = serde_json::from_str(&json.out).unwrap();
         assert!(found[0]["code"].as_str().unwrap().starts_with(code), "{found}");
@@ -51,6 +51,125 @@ fn what_is_no_text_and_what_is_no_file() {
     dir.run(&["check", "main.vola"]).fails_with(1, &["E0101"]);
     dir.run(&["check", "other.vola"]).fails_with(1, &["cannot read `other.vola`"]);
     dir.run(&["check", "."]).fails_with(1, &["cannot read `.`"]);
+}
+
+/// Two warnings and no error.
+const WARNED: &str = "\
+module self::part;
+export fn f(x: real) -> real { x; part(x) }
+";
+
+/// One warning, in a file that both programs import.
+const PART: &str = "fn part(x: real) -> real { x::<real> }\n";
+
+#[test]
+fn several_programs_are_checked_in_one_run() {
+    let dir = Dir::with(WARNED);
+    dir.write("part.vola", PART);
+    dir.write("other.vola", &WARNED.replace("x; part(x)", "part(y)"));
+    let json = |args: &[&str]| {
+        let ran = dir.run(&[&["check", "--format", "json"], args].concat());
+        let found: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
+        let shown = |d: &serde_json::Value| format!("{} {}", d["code"], d["labels"][0]["file"]).replace('"', "");
+        (ran.code, found.as_array().unwrap().iter().map(shown).collect::<Vec<_>>())
+    };
+    let (code, both) = json(&["main.vola", "other.vola"]);
+    assert_eq!((code, both.len()), (Some(1), 3), "{both:?}");
+    for one in ["W0501 main.vola", "W0401 ./part.vola", "E0301 other.vola"] {
+        assert!(both.iter().any(|d| d.replace("./", "") == one.replace("./", "")), "{one} is missing in {both:?}");
+    }
+    let (code, again) = json(&["main.vola", "main.vola"]);
+    assert_eq!((code, again.len()), (Some(0), 2), "what two programs share is said once: {again:?}");
+    let unreadable = dir.run(&["check", "none.vola", "other.vola"]);
+    unreadable.fails_with(1, &["cannot read `none.vola`", "error[E0301]"]);
+}
+
+#[test]
+fn mistakes_of_all_phases_are_told_in_one_run() {
+    let dir = Dir::with(
+        "concept D: real -> real; entity Line();
+        fn a(x: real) -> real { x + }
+        fn b(x: real) -> real { x + 1 }
+        export fn c(x: real) -> real { csg line = Line(); eval line.D(x) }\n",
+    );
+    let all = ["error[E0201]", "error[E0401]", "error[E0605]"];
+    for command in [&["check", "main.vola"][..], &["compile", "main.vola"], &["eval", "main.vola", "--args", "1"]] {
+        dir.run(command).fails_with(1, &all);
+    }
+}
+
+#[test]
+fn diagnostics_are_written_for_other_tools() {
+    let dir = Dir::with("export fn größe(x: real) -> real { y + 1.0 }\n");
+    let github = dir.run(&["check", "main.vola", "--format", "github"]);
+    assert_eq!((github.code, github.err.as_str()), (Some(1), ""));
+    let place = "file=main.vola,line=1,col=36,endLine=1,endColumn=37,title=E0301 name not found";
+    assert!(github.out.starts_with(&format!("::error {place}::")) && github.out.ends_with('\n'), "{}", github.out);
+    let sarif = dir.run(&["check", "main.vola", "--format", "sarif"]);
+    assert_eq!((sarif.code, sarif.err.as_str()), (Some(1), ""));
+    let log: serde_json::Value = serde_json::from_str(&sarif.out).unwrap();
+    let run = &log["runs"][0];
+    assert_eq!((&log["version"], &run["tool"]["driver"]["rules"][0]["id"]), (&"2.1.0".into(), &"E0301".into()));
+    assert_eq!(run["results"][0]["locations"][0]["physicalLocation"]["region"]["startColumn"], 36);
+    let sound = Dir::with(BALL);
+    assert_eq!(sound.run(&["check", "main.vola", "--format", "github"]).ok(), "");
+    let none: serde_json::Value =
+        serde_json::from_str(sound.run(&["check", "main.vola", "--format", "sarif"]).ok()).unwrap();
+    assert_eq!(none["runs"][0]["results"], serde_json::json!([]));
+    sound.run(&["check", "main.vola", "--format", "xml"]).fails_with(2, &["terminal, json, sarif, github"]);
+}
+
+#[test]
+fn denied_warnings_fail_every_command() {
+    let dir = Dir::with(WARNED);
+    dir.write("part.vola", PART);
+    let args = ["--args", "1", "--format", "csv"];
+    let denied = ["2 warnings", "--deny-warnings", "warning[W0501]", "warning[W0401]"];
+    for command in [
+        &["check", "main.vola"][..],
+        &["compile", "main.vola", "-o", "f.wasm"],
+        &[&["eval", "main.vola"], &args[..]].concat(),
+    ] {
+        assert_eq!(dir.run(command).code, Some(0));
+        let _ = std::fs::remove_file(dir.0.join("f.wasm"));
+        dir.run(&[command, &["--deny-warnings"]].concat()).fails_with(1, &denied);
+        assert!(!dir.0.join("f.wasm").exists());
+    }
+    let json = dir.run(&["check", "main.vola", "--format", "json", "--deny-warnings"]);
+    assert_eq!((json.code, json.err.contains("2 warnings")), (Some(1), true));
+    assert_eq!(Dir::with(BALL).run(&["check", "main.vola", "--deny-warnings"]).ok(), "");
+    // What only specialisation finds counts as well.
+    let late = Dir::with(
+        "module std::sphere;\nmodule std::union;\nmodule std::trans3d;\nexport fn f(x: real) -> real {
+            csg row = Sphere(0.3);
+            for i in 1..70 { row = Union(){ row }{ Trans3d([i::<real>, 0.0, 0.0]){ Sphere(0.3) } }; }
+            eval row.Sdf3d([x, 0.0, 0.0])
+        }\n",
+    );
+    let found = ["W0602", "1 warning,"];
+    late.run(&["check", "main.vola", "--deny-warnings"]).fails_with(1, &found);
+    late.run(&["eval", "main.vola", "--args", "1", "--deny-warnings"]).fails_with(1, &found);
+    late.run(&["compile", "main.vola", "-o", "f.wasm", "--deny-warnings"]).fails_with(1, &found);
+    assert!(!late.0.join("f.wasm").exists());
+}
+
+#[test]
+fn limits_are_set_by_flag() {
+    let dir = Dir::with("export fn f(x: real) -> real { ((((x)))) }\n");
+    let limit = ["--limit", "nesting=3"];
+    for command in
+        [&["check", "main.vola"][..], &["compile", "main.vola", "-o", "f.wasm"], &["eval", "main.vola", "--args", "1"]]
+    {
+        assert_eq!(dir.run(command).code, Some(0));
+        dir.run(&[command, &limit[..]].concat()).fails_with(1, &["error[E1004]"]);
+        dir.run(&[command, &["--limit", "depth=3"]].concat())
+            .fails_with(2, &["`--limit depth=3`", "no limit `depth`", "nesting", "compile_time_ms"]);
+    }
+    assert_eq!(dir.run(&["check", "main.vola", "--limit", "source_bytes=1_000", "--limit", "nesting=9"]).ok(), "");
+    dir.run(&["check", "main.vola", "--limit", "points=3"]).fails_with(2, &["no limit `points`"]);
+    for bad in ["nesting", "nesting=", "nesting=-1", "nesting=1.5", "=3"] {
+        dir.run(&["check", "main.vola", "--limit", bad]).fails(2);
+    }
 }
 
 #[test]

@@ -18,7 +18,11 @@ struct Serving {
 
 impl Serving {
     fn start(dir: &Dir) -> Self {
-        let mut command = dir.command(&["serve", "--listen", "127.0.0.1:0", "--store", "kept"]);
+        Self::with(dir, &["--listen", "127.0.0.1:0", "--store", "kept"])
+    }
+
+    fn with(dir: &Dir, args: &[&str]) -> Self {
+        let mut command = dir.command(&[&["serve"], args].concat());
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
@@ -94,6 +98,55 @@ fn a_truncated_request_is_answered() {
     let _ = stream.read_to_string(&mut answer);
     assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 400"), "{answer}");
     assert!(serving.request("GET /health/live", "").starts_with("HTTP/1.1 200"), "the server goes on");
+}
+
+#[test]
+fn a_configuration_file_is_read_and_flags_win_over_it() {
+    let dir = Dir::new();
+    dir.write("lib/twice.vola", "fn twice(x: real) -> real { x * 2.0 }\n");
+    let text = "\
+listen = \"127.0.0.1:1\"
+store = \"kept\"
+
+[libraries]
+ext = \"lib\"
+
+[limits]
+points = 2
+diff_order = 3
+";
+    dir.write("isograd.toml", text);
+    let args = ["--config", "isograd.toml", "--listen", "127.0.0.1:0", "--limit", "diff_order=1", "--limit", "queue=9"];
+    let serving = Serving::with(&dir, &args);
+    let limits = serving.request("GET /v1/limits", "");
+    let limit = |name: &str, value: u64| limits.contains(&format!("\"name\":\"{name}\",\"value\":{value}}}"));
+    assert!(
+        limit("points", 2) && limit("diff_order", 1) && limit("queue", 9) && limit("derived_nodes", 200_000),
+        "{limits}"
+    );
+    let program = r#"{"files":{"main.vola":"module ext::twice; export fn f(x: real) -> real { twice(x) }"}}"#;
+    let created = serving.request("POST /v1/programs", program);
+    assert!(created.starts_with("HTTP/1.1 201") && dir.0.join("kept").is_dir(), "{created}");
+    let id = id(&created);
+    let answer = serving.request(&format!("POST /v1/programs/{id}/evaluate"), r#"{"inputs":{"x":[1,2,3]}}"#);
+    assert!(answer.starts_with("HTTP/1.1 422") && answer.contains("limit-exceeded"), "{answer}");
+}
+
+#[test]
+fn a_bad_configuration_keeps_the_server_from_starting() {
+    let dir = Dir::new();
+    let run = |text: &str| {
+        dir.write("isograd.toml", text);
+        dir.run(&["serve", "--config", "isograd.toml", "--listen", "127.0.0.1:0"])
+    };
+    run("[limits]\npoint = 2\n")
+        .fails_with(1, &["isograd.toml: [limits]: there is no limit `point`", "points", "nesting"]);
+    run("port = 2\n").fails_with(1, &["isograd.toml: TOML parse error at line 1", "`port`", "`listen`"]);
+    run("listen = 2\n").fails_with(1, &["isograd.toml", "line 1"]);
+    run("[libraries]\next = \"none\"\n").fails_with(1, &["isograd.toml: [libraries]: there is no directory `none`"]);
+    run("[libraries]\n\"a b\" = \".\"\n").fails_with(1, &["`a b` cannot stand in"]);
+    dir.run(&["serve", "--config", "none.toml"]).fails_with(1, &["cannot read `none.toml`"]);
+    dir.run(&["serve", "--limit", "point=2"]).fails_with(2, &["no limit `point`", "points"]);
 }
 
 #[test]

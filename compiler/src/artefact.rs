@@ -94,6 +94,45 @@ pub struct Column {
     pub scalar: ColumnType,
     /// Where it begins in the module's memory, a multiple of 16.
     pub offset: u32,
+    /// Of an input: the value that the parameter has by default (LANGUAGE 9.3).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub default: Option<Number>,
+    /// Of an input: the range the parameter is meant for. The module computes outside of it as well.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<[Number; 2]>,
+}
+
+/// A number of a manifest. In JSON, which has no infinities, they are `"inf"` and `"-inf"`.
+#[derive(Debug, Clone, Copy)]
+pub struct Number(pub f64);
+
+impl PartialEq for Number {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.to_bits() == other.0.to_bits()
+    }
+}
+
+impl Eq for Number {}
+
+impl Serialize for Number {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if self.0.is_finite() { serializer.serialize_f64(self.0) } else { serializer.collect_str(&self.0) }
+    }
+}
+
+impl<'de> Deserialize<'de> for Number {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Written<'a> {
+            Number(f64),
+            Text(std::borrow::Cow<'a, str>),
+        }
+        match Written::deserialize(deserializer)? {
+            Written::Number(x) => Ok(Self(x)),
+            Written::Text(text) => text.parse().map(Self).map_err(serde::de::Error::custom),
+        }
+    }
 }
 
 /// What a column holds.

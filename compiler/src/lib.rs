@@ -7,16 +7,22 @@
 )]
 
 mod artefact;
+mod explain;
+mod inspect;
 mod loader;
+mod migrate;
 pub mod pipeline;
 mod request;
 mod seal;
 mod wanted;
 
-pub use artefact::{Artefact, Column, ColumnType, Manifest, Port};
+pub use artefact::{Artefact, Column, ColumnType, Manifest, Number, Port};
+pub use explain::explain;
+pub use inspect::inspect;
 pub use isograd_graph::{Precision, Unwatched, Watch};
 pub use isograd_program::{Loader, ModulePath, ScalarKind, Type};
-pub use isograd_syntax::{Code, Diagnostic, Files, Limit, Limits, Severity, render};
+pub use isograd_syntax::{Code, Diagnostic, Files, Limit, Limits, Severity, UnknownCode, render};
 pub use loader::{MemoryLoader, WithStd, standard_library};
+pub use migrate::migrate;
 pub use pipeline::{Checked, Export, Options, Parameter, STEPS, check, compile, print_step};
 pub use request::{Query, Rate, Request, Target, UnknownQuery};

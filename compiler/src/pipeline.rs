@@ -1,14 +1,18 @@
 //! The pipeline: the one place that lists the steps of a compilation. Each step is a function of another crate; what
 //! stands here is their order, and what becomes of their errors.
 
-use isograd_elaborate::{Elaborated, elaborate};
+use std::collections::BTreeSet;
+
+use isograd_elaborate::{Elaborated, Metadata, elaborate, metadata};
 use isograd_graph::{Exhausted, Graph, Verified, Watch, verify};
+use isograd_program::typed::{Function, FunctionId, Param};
 use isograd_program::{Loader, Program, Type};
 use isograd_syntax::tree::Tree;
-use isograd_syntax::{Code, Diagnostic, Diagnostics, Files, Limits};
+use isograd_syntax::{Code, Diagnostic, Diagnostics, FileId, Files, Limits};
 use isograd_transform::{DifferentiateError, derive, differentiate, fold, kernels, optimise, schedule};
 use isograd_wasm::{EmitError, Plan};
 
+use crate::inspect::Influences;
 use crate::seal::{self, Identity};
 use crate::wanted::Wanting;
 use crate::{Artefact, Request, WithStd};
@@ -48,8 +52,14 @@ pub struct Checked {
     pub program: Option<Program>,
     /// BLAKE3 of all files with their names, hexadecimal: the program's id.
     pub digest: String,
+    /// Defaults and ranges of the parameters of each export.
+    metadata: Vec<(FunctionId, Vec<Metadata>)>,
     /// Of the entry file.
-    tree: Tree,
+    pub(crate) tree: Tree,
+    /// If there are errors, what was made of the program all the same.
+    partial: Option<Program>,
+    /// The files that belong to no library.
+    own: BTreeSet<FileId>,
 }
 
 /// An export as shown to users.
@@ -72,6 +82,10 @@ pub struct Parameter {
     pub name: String,
     /// Its type.
     pub ty: Type,
+    /// Its default, scalar by scalar; a bool is 0 or 1 (LANGUAGE 9.3).
+    pub default: Option<Vec<f64>>,
+    /// The lower and the upper ends of its range, scalar by scalar.
+    pub range: Option<(Vec<f64>, Vec<f64>)>,
 }
 
 impl Checked {
@@ -81,6 +95,16 @@ impl Checked {
         self.program.is_some()
     }
 
+    /// The program, also one with errors.
+    pub(crate) fn any_program(&self) -> Option<&Program> {
+        self.program.as_ref().or(self.partial.as_ref())
+    }
+
+    /// Whether a file belongs to the program itself, not to a library.
+    pub(crate) fn is_own(&self, file: FileId) -> bool {
+        self.own.contains(&file)
+    }
+
     /// The exports in source order; none if there are errors.
     #[must_use]
     pub fn exports(&self) -> Vec<Export> {
@@ -88,14 +112,29 @@ impl Checked {
         program
             .exports
             .iter()
-            .filter_map(|id| program.functions.get(id.0 as usize))
-            .map(|f| Export {
-                name: f.name.clone(),
-                parameters: f.params.iter().map(|p| Parameter { name: p.name.clone(), ty: p.ty.clone() }).collect(),
-                result: f.result.clone(),
-                doc: f.doc.clone(),
+            .filter_map(|id| {
+                let function = program.functions.get(id.0 as usize)?;
+                Some(Export {
+                    name: function.name.clone(),
+                    parameters: self.parameters(*id, function),
+                    result: function.result.clone(),
+                    doc: function.doc.clone(),
+                })
             })
             .collect()
+    }
+
+    /// The parameters of an export with their metadata.
+    fn parameters(&self, export: FunctionId, function: &Function) -> Vec<Parameter> {
+        let metadata = self.metadata.iter().find(|(id, _)| *id == export).map_or(&[][..], |(_, m)| m.as_slice());
+        let metadata = metadata.iter().cloned().chain(std::iter::repeat_with(Metadata::default));
+        let parameter = |(p, m): (&Param, Metadata)| Parameter {
+            name: p.name.clone(),
+            ty: p.ty.clone(),
+            default: m.default,
+            range: m.range,
+        };
+        function.params.iter().zip(metadata).map(parameter).collect()
     }
 }
 
@@ -108,21 +147,37 @@ pub fn check(entry_name: &str, entry: Vec<u8>, loader: &dyn Loader, options: &Op
     let digest = seal::digest(&loaded.files);
     let mut found = Diagnostics::default();
     found.extend(loaded.diagnostics.iter().cloned());
-    // Without all items, the checker would report names that only seem unknown.
-    let mut program = None;
-    if !found.has_errors() {
-        watch.step("check");
-        let checked = isograd_program::check(&loaded, &options.limits);
-        found.extend(checked.diagnostics);
-        found.omit_errors(checked.omitted_errors);
-        program = (!found.has_errors()).then_some(checked.program);
-    }
+    // What could not be read is known to the checker, which reports nothing that only follows from it.
+    watch.step("check");
+    let checked = isograd_program::check(&loaded, &options.limits);
+    found.extend(checked.diagnostics);
+    found.omit_errors(checked.omitted_errors);
+    let metadata = evaluated(&checked.program, &options.limits, watch, &mut found);
+    let (program, partial) =
+        if found.has_errors() { (None, Some(checked.program)) } else { (Some(checked.program), None) };
+    let own = loaded.modules.iter().filter(|m| m.library.is_none()).map(|m| m.file).collect();
     let tree = loaded.modules.into_iter().next().map(|m| m.tree).unwrap_or_default();
-    Checked { files: loaded.files, diagnostics: reported(found, &options.limits), program, digest, tree }
+    let diagnostics = reported(found, &options.limits);
+    Checked { files: loaded.files, diagnostics, program, digest, metadata, tree, partial, own }
+}
+
+/// The metadata of all exports without errors; what is wrong with it goes to `found`.
+fn evaluated(
+    program: &Program,
+    limits: &Limits,
+    watch: &dyn Watch,
+    found: &mut Diagnostics,
+) -> Vec<(FunctionId, Vec<Metadata>)> {
+    let of = |export: &FunctionId| {
+        let (metadata, wrong) = metadata(program, *export, limits, watch);
+        found.extend(wrong);
+        (*export, metadata)
+    };
+    program.exports.iter().filter(|e| !program.unsound.functions.contains(e)).map(of).collect()
 }
 
 /// Diagnostics in source order, at most as many as the limit allows; the rest is counted.
-fn reported(found: Diagnostics, limits: &Limits) -> Vec<Diagnostic> {
+pub(crate) fn reported(found: Diagnostics, limits: &Limits) -> Vec<Diagnostic> {
     let report = found.finish(limits);
     let mut diagnostics = report.diagnostics;
     if report.omitted_errors > 0 {
@@ -197,7 +252,10 @@ fn run(
     let wanting = Wanting::of(program, request, limits).map_err(|d| vec![*d])?;
 
     watch.step("elaborate");
-    let Elaborated { graph, origins, warnings } = elaborate(program, wanting.export, limits, watch)?;
+    let Elaborated { graph, origins, mut warnings, diffs } = elaborate(program, wanting.export, limits, watch)?;
+    let mut influences = Influences::default();
+    influences.add(&graph, &diffs, watch);
+    warnings.extend(influences.warnings(checked, &warnings));
     let steps = Steps { options, origins: &origins, export: &request.export };
     let graph = steps.checked("elaborate", graph, observe)?;
 
@@ -233,7 +291,9 @@ fn run(
 
     watch.step("seal");
     let identity = Identity::of(&checked.digest, request, &wanting);
-    let manifest = seal::manifest(&identity, request, &wanting, &written.layout, written.facts);
+    let exports = checked.exports();
+    let parameters = exports.iter().find(|e| e.name == request.export).map_or(&[][..], |e| e.parameters.as_slice());
+    let manifest = seal::manifest(&identity, request, &wanting, parameters, &written.layout, written.facts);
     let bytes = written.seal(&serde_json::to_vec(&manifest).unwrap_or_default()).bytes;
     observe("emit", Stage::Module(&bytes));
     observe("seal", Stage::Module(&bytes));
@@ -241,10 +301,10 @@ fn run(
 }
 
 /// What the steps of one compilation have in common.
-struct Steps<'a> {
-    options: &'a Options,
-    origins: &'a [isograd_syntax::Span],
-    export: &'a str,
+pub(crate) struct Steps<'a> {
+    pub options: &'a Options,
+    pub origins: &'a [isograd_syntax::Span],
+    pub export: &'a str,
 }
 
 impl Steps<'_> {
@@ -262,7 +322,7 @@ impl Steps<'_> {
         verify(graph).map(Verified::into_inner).map_err(|e| vec![internal(&format!("after `{step}`: {e}"))])
     }
 
-    fn exhausted(&self, why: Exhausted) -> Vec<Diagnostic> {
+    pub(crate) fn exhausted(&self, why: Exhausted) -> Vec<Diagnostic> {
         let limits = &self.options.limits;
         let export = self.export;
         vec![match why {
@@ -278,7 +338,7 @@ impl Steps<'_> {
         }]
     }
 
-    fn underivable(&self, why: DifferentiateError) -> Vec<Diagnostic> {
+    pub(crate) fn underivable(&self, why: DifferentiateError) -> Vec<Diagnostic> {
         let (origin, code, message, help) = match why {
             DifferentiateError::Exhausted(why) => return self.exhausted(why),
             DifferentiateError::Growing(origin) => (

@@ -6,7 +6,7 @@ use isograd_wasm::{Facts, Layout};
 use serde::Serialize;
 
 use crate::wanted::Wanting;
-use crate::{Column, ColumnType, Manifest, Port, Rate, Request, Target};
+use crate::{Column, ColumnType, Manifest, Number, Parameter, Port, Rate, Request, Target};
 
 /// The canonical form of a request: everything that can change a byte of the artefact. Its id is the BLAKE3 of its
 /// JSON, whose fields stand in the order declared here.
@@ -55,16 +55,24 @@ pub fn digest(files: &Files) -> String {
 }
 
 /// The manifest of a module.
-pub fn manifest(identity: &Identity, request: &Request, wanting: &Wanting, layout: &Layout, facts: Facts) -> Manifest {
+pub fn manifest(
+    identity: &Identity,
+    request: &Request,
+    wanting: &Wanting,
+    parameters: &[Parameter],
+    layout: &Layout,
+    facts: Facts,
+) -> Manifest {
     let mut slots = layout.inputs.iter();
     let inputs = wanting
         .parameters
         .iter()
-        .map(|(name, ty, rate)| Port {
-            name: name.clone(),
-            ty: ty.to_string(),
-            rate: *rate,
-            columns: ty.columns(name).into_iter().zip(slots.by_ref()).map(column).collect(),
+        .map(|(name, ty, rate)| {
+            let mut columns: Vec<Column> = ty.columns(name).into_iter().zip(slots.by_ref()).map(column).collect();
+            if let Some(parameter) = parameters.iter().find(|p| p.name == *name) {
+                describe(&mut columns, parameter);
+            }
+            Port { name: name.clone(), ty: ty.to_string(), rate: *rate, columns }
         })
         .collect();
     let mut slots = layout.outputs.iter();
@@ -93,11 +101,20 @@ pub fn manifest(identity: &Identity, request: &Request, wanting: &Wanting, layou
     }
 }
 
+/// Gives the columns of a parameter its metadata.
+fn describe(columns: &mut [Column], parameter: &Parameter) {
+    for (i, column) in columns.iter_mut().enumerate() {
+        let at = |numbers: &Vec<f64>| numbers.get(i).copied().map(Number);
+        column.default = parameter.default.as_ref().and_then(at);
+        column.range = parameter.range.as_ref().and_then(|(lo, hi)| Some([at(lo)?, at(hi)?]));
+    }
+}
+
 fn column((name, slot): (String, &isograd_wasm::Slot)) -> Column {
     let scalar = match slot.scalar {
         Scalar::Real => ColumnType::Real,
         Scalar::Int => ColumnType::Int,
         Scalar::Bool => ColumnType::Bool,
     };
-    Column { name, scalar, offset: slot.offset }
+    Column { name, scalar, offset: slot.offset, default: None, range: None }
 }

@@ -120,6 +120,7 @@ fn matches(ty: &Type, marks: &[Mark]) -> Option<usize> {
     match ty {
         Type::Tuple(elements) => elements.iter().try_for_each(&mut element)?,
         Type::Matrix { columns, rows } => (0..*columns).try_for_each(|_| element(&Type::Vector(*rows)))?,
+        Type::Interval(inner) => (0..2).try_for_each(|_| element(inner))?,
         _ => return None,
     }
     (marks.get(at) == Some(&Mark::Close)).then_some(at + 1)
@@ -132,7 +133,9 @@ fn example(ty: &Type) -> String {
         Type::Int => "0".to_owned(),
         Type::Bool => "false".to_owned(),
         Type::Vector(n) => list(vec!["0.0".to_owned(); usize::from(*n)]),
+        Type::IntVector(n) => list(vec!["0".to_owned(); usize::from(*n)]),
         Type::Quat => "[0.0, 0.0, 0.0, 1.0]".to_owned(),
+        Type::Interval(inner) => list(vec![example(inner); 2]),
         Type::Matrix { columns, rows } => list(vec![example(&Type::Vector(*rows)); usize::from(*columns)]),
         Type::Tuple(elements) => list(elements.iter().map(example).collect()),
         Type::Real | Type::Csg | Type::Error => "0.0".to_owned(),
@@ -240,7 +243,7 @@ mod tests {
 
     fn read(ty: Type, text: &str) -> Result<Values, String> {
         let shaped: Shaped = serde_json::from_str(text).map_err(|e| e.to_string())?;
-        shaped.values(&Parameter { name: "p".to_owned(), ty }).map_err(|m| m.0)
+        shaped.values(&Parameter { name: "p".to_owned(), ty, default: None, range: None }).map_err(|m| m.0)
     }
 
     fn one(ty: Type, text: &str) -> Vec<f64> {

@@ -6,11 +6,14 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
 )]
 
+mod config;
+pub mod describe;
 pub mod evaluate;
 mod json_values;
 mod libraries;
-mod limits;
+pub mod limits;
 pub mod outputs;
+pub mod pages;
 mod pool;
 mod problem;
 mod program;
@@ -24,16 +27,15 @@ mod watch;
 use std::future::Future;
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use isograd_compiler::{Limits, Options};
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tracing::{info, warn};
 
+pub use config::{Config, server_options};
 pub use libraries::{Libraries, read_source};
 pub use limits::{LimitValue, ServerLimits};
 pub use problem::{Kind, Problem};
@@ -42,42 +44,6 @@ pub use routes::router;
 pub use state::Service;
 pub use store::{LoadError, Store};
 pub use watch::Stopwatch;
-
-/// What a server is started with.
-#[derive(Debug, Clone)]
-pub struct Config {
-    /// Where it listens; port 0 takes any free one.
-    pub listen: SocketAddr,
-    /// Where programs are kept.
-    pub store: PathBuf,
-    /// External modules.
-    pub libraries: Libraries,
-    /// Limits of the service.
-    pub limits: ServerLimits,
-    /// Limits of the language.
-    pub options: Options,
-}
-
-impl Config {
-    /// The defaults, with a store.
-    #[must_use]
-    pub fn new(store: PathBuf) -> Self {
-        Self {
-            listen: SocketAddr::from(([127, 0, 0, 1], 8787)),
-            store,
-            libraries: Libraries::default(),
-            limits: ServerLimits::default(),
-            options: server_options(),
-        }
-    }
-}
-
-/// The limits of the language on a server. Native code takes about 5 µs an operation and cannot be interrupted, so
-/// that 200,000 operations are the most that fit a request.
-#[must_use]
-pub fn server_options() -> Options {
-    Options { limits: Limits { derived_nodes: 200_000, ..Limits::default() }, verify: false }
-}
 
 /// A server that listens but does not answer yet.
 pub struct Server {

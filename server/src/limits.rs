@@ -1,5 +1,8 @@
-//! The limits of the service, beside those of the language: name, default and meaning, declared once.
-//! Says what may be asked for; knows nothing of who counts it.
+//! The limits of the service, beside those of the language: name, default and meaning, declared once; and how both
+//! are set by name and listed. Says what may be asked for; knows nothing of who counts it.
+
+use isograd_compiler::Limits;
+use serde_json::{Value, json};
 
 /// A limit as a problem shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -8,6 +11,21 @@ pub struct LimitValue {
     pub name: &'static str,
     /// Its value.
     pub value: u64,
+}
+
+/// One limit of [`ServerLimits::ALL`].
+#[derive(Debug, Clone, Copy)]
+pub struct ServerLimit {
+    /// The name of the field, of the flag and of the key in a server's configuration.
+    pub name: &'static str,
+    /// The default value.
+    pub default: u64,
+    /// What it counts.
+    pub about: &'static str,
+    /// Reads it.
+    pub get: fn(&ServerLimits) -> u64,
+    /// Changes it.
+    pub set: fn(&mut ServerLimits, u64),
 }
 
 macro_rules! limits {
@@ -21,11 +39,11 @@ macro_rules! limits {
         }
 
         impl ServerLimits {
-            /// Every limit with its value.
-            #[must_use]
-            pub fn all(&self) -> Vec<LimitValue> {
-                vec![$( self.$field(), )+]
-            }
+            /// Every limit: its name, default and meaning.
+            pub const ALL: &'static [ServerLimit] = &[
+                $( ServerLimit { name: stringify!($field), default: $default, about: concat!($($doc),+),
+                                 get: |l| l.$field, set: |l, v| l.$field = v }, )+
+            ];
 
             $(
                 $(#[doc = $doc])+
@@ -61,4 +79,85 @@ limits! {
     queue: 64;
     /// Milliseconds that running requests get to finish when the server is told to stop.
     shutdown_ms: 30_000;
+}
+
+/// A name that no limit has; the message lists the names there are.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("there is no limit `{name}`; the limits are {}", known.join(", "))]
+pub struct UnknownLimit {
+    /// The name.
+    pub name: String,
+    /// Those there are.
+    pub known: Vec<&'static str>,
+}
+
+/// Changes a limit: one of the language, or of the service if there is one. The two share no name.
+///
+/// # Errors
+/// If there is no limit of this name.
+pub fn set(
+    name: &str,
+    value: u64,
+    language: &mut Limits,
+    service: Option<&mut ServerLimits>,
+) -> Result<(), UnknownLimit> {
+    let known = Limits::ALL.iter().map(|l| l.name);
+    if let Some(limit) = Limits::ALL.iter().find(|l| l.name == name) {
+        (limit.set)(language, value);
+        return Ok(());
+    }
+    let Some(service) = service else { return Err(UnknownLimit { name: name.to_owned(), known: known.collect() }) };
+    if let Some(limit) = ServerLimits::ALL.iter().find(|l| l.name == name) {
+        (limit.set)(service, value);
+        return Ok(());
+    }
+    Err(UnknownLimit { name: name.to_owned(), known: known.chain(ServerLimits::ALL.iter().map(|l| l.name)).collect() })
+}
+
+/// The limits of the language as JSON: `{name, value, default, code, about}`, the code being that of the diagnostic
+/// that reports it.
+#[must_use]
+pub fn language_json(values: &Limits, defaults: &Limits) -> Value {
+    let one = |l: &isograd_compiler::Limit| {
+        let (value, default) = ((l.get)(values), (l.get)(defaults));
+        json!({ "name": l.name, "value": value, "default": default, "code": l.code.name(), "about": l.about.trim() })
+    };
+    Limits::ALL.iter().map(one).collect()
+}
+
+/// The limits of a service as JSON: `{name, value, default, about}`.
+#[must_use]
+pub fn service_json(values: &ServerLimits) -> Value {
+    let one = |l: &ServerLimit| json!({ "name": l.name, "value": (l.get)(values), "default": l.default, "about": l.about.trim() });
+    ServerLimits::ALL.iter().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_is_set_by_its_name() {
+        let (mut language, mut service) = (Limits::default(), ServerLimits::default());
+        for (i, name) in Limits::ALL.iter().map(|l| l.name).chain(ServerLimits::ALL.iter().map(|l| l.name)).enumerate()
+        {
+            set(name, i as u64, &mut language, Some(&mut service)).unwrap();
+        }
+        let values: Vec<u64> = Limits::ALL.iter().map(|l| (l.get)(&language)).collect();
+        let served: Vec<u64> = ServerLimits::ALL.iter().map(|l| (l.get)(&service)).collect();
+        let count = values.len() + served.len();
+        // A name that both had would be set twice in the one and never in the other.
+        assert_eq!([values, served].concat(), (0..count as u64).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn an_unknown_name_is_answered_with_those_there_are() {
+        let mut limits = Limits::default();
+        let error = |name, service| set(name, 1, &mut Limits::default(), service).unwrap_err().to_string();
+        assert!(error("point", None).starts_with("there is no limit `point`; the limits are source_bytes, "));
+        assert!(!error("points", None).contains("program_bytes"));
+        assert!(error("point", Some(&mut ServerLimits::default())).ends_with("queue, shutdown_ms"));
+        set("nesting", 7, &mut limits, None).unwrap();
+        assert_eq!(limits, Limits { nesting: 7, ..Limits::default() });
+    }
 }

@@ -3,10 +3,11 @@
 
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use isograd_compiler::{Code, Diagnostic, Files, Limits, render};
+use isograd_compiler::{Code, Diagnostic, Files, Limits};
 use serde_json::{Value, json};
 
 use crate::limits::LimitValue;
+use crate::pages;
 
 macro_rules! kinds {
     ($( $(#[doc = $doc:literal])+ $kind:ident = $status:literal, $name:literal, $title:literal; )+) => {
@@ -83,7 +84,7 @@ pub struct Problem {
     pub detail: String,
     /// The limit that is exceeded.
     pub limit: Option<LimitValue>,
-    /// Diagnostics of the compiler, as JSON.
+    /// Diagnostics of the compiler, as JSON, each with the address of its page.
     pub diagnostics: Option<Value>,
 }
 
@@ -119,7 +120,7 @@ impl Problem {
             Some(Code::E1103) => Kind::Internal,
             _ => Kind::DoesNotCompile,
         };
-        Self { kind, detail, limit, diagnostics: Some(render::json(diagnostics, files)) }
+        Self { kind, detail, limit, diagnostics: Some(pages::json(diagnostics, files)) }
     }
 
     /// The body of the answer.

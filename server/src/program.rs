@@ -3,14 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use isograd_compiler::{
-    Checked, Code, Diagnostic, Export, Loader, MemoryLoader, ModulePath, Options, Query, Request, check, compile,
-    render,
-};
+use isograd_compiler::{Checked, Code, Diagnostic, Loader, MemoryLoader, ModulePath, Options, check, inspect};
 use serde_json::{Value, json};
 
 use crate::libraries::Libraries;
 use crate::watch::Stopwatch;
+use crate::{describe, pages};
 
 /// The files of a program, by normalised path, and which of them is the entry.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -153,42 +151,21 @@ impl Program {
     /// What clients are told about it.
     #[must_use]
     pub fn json(&self) -> Value {
-        let exports: Vec<Value> = self.checked.exports().iter().map(export_json).collect();
+        let exports: Vec<Value> = self.checked.exports().iter().map(describe::export).collect();
         json!({
             "id": self.id,
             "entry": self.source.entry,
             "files": self.source.files.keys().collect::<Vec<_>>(),
             "exports": exports,
-            "diagnostics": render::json(&self.diagnostics, &self.checked.files),
+            "diagnostics": pages::json(&self.diagnostics, &self.checked.files),
         })
     }
 }
 
-/// All diagnostics of a program: those of checking, and if there are no errors those of compiling each export, which
-/// is where csg trees are followed to their implementations.
+/// All diagnostics of a program, those of specialising its exports included, each export with a deadline of its own.
 #[must_use]
 pub fn diagnose(checked: &Checked, options: &Options) -> Vec<Diagnostic> {
-    let mut diagnostics = checked.diagnostics.clone();
-    for export in checked.exports() {
-        let request = Request { export: export.name, queries: vec![Query::Value], ..Request::default() };
-        let compiled = compile(checked, &request, options, &Stopwatch::start(&options.limits));
-        for diagnostic in compiled.map_or_else(|errors| errors, |artefact| artefact.warnings) {
-            if !diagnostics.contains(&diagnostic) {
-                diagnostics.push(diagnostic);
-            }
-        }
-    }
-    diagnostics
-}
-
-fn export_json(export: &Export) -> Value {
-    let port = |name: &str, ty: &isograd_compiler::Type| json!({ "name": name, "type": ty.to_string(), "columns": ty.columns(name) });
-    json!({
-        "name": export.name,
-        "parameters": export.parameters.iter().map(|p| port(&p.name, &p.ty)).collect::<Vec<_>>(),
-        "result": port("value", &export.result),
-        "doc": export.doc,
-    })
+    inspect(checked, options, || Stopwatch::start(&options.limits))
 }
 
 /// The files of a posted program beside the libraries of the server. Nothing else can be read.

@@ -15,16 +15,18 @@ use axum::http::request::Parts;
 use axum::http::{HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use isograd_compiler::{Files, Precision, Query, Rate, Request as Wanted};
+use isograd_compiler::{Code, Files, Precision, Query, Rate, Request as Wanted, UnknownCode, explain};
 use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::json;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::trace::{DefaultMakeSpan, DefaultOnResponse, TraceLayer};
 use tracing::{Level, error};
 
+use crate::config::server_options;
 use crate::evaluate::{self, EvaluateError};
 use crate::json_values::Named;
-use crate::limits::LimitValue;
+use crate::limits::{self, LimitValue};
+use crate::pages;
 use crate::pool::Held;
 use crate::problem::{Kind, Problem};
 use crate::program::{Program, Source};
@@ -41,6 +43,9 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/v1/programs/{id}", get(get_program))
         .route("/v1/programs/{id}/evaluate", post(evaluate))
         .route("/v1/programs/{id}/module.wasm", get(module))
+        .route("/v1/limits", get(limits))
+        .route(pages::ADDRESS, get(diagnostics))
+        .route(&format!("{}/{{code}}", pages::ADDRESS), get(diagnostic))
         .route("/health/live", get(live))
         .route("/health/ready", get(ready))
         .fallback(nothing_here)
@@ -54,7 +59,7 @@ pub fn router(service: Arc<Service>) -> Router {
         .with_state(service)
 }
 
-/// A program's id in the path. Any text may stand there; the store knows which are ids.
+/// A program's id, or a diagnostic's code, in the path. Any text may stand there; the handler knows which it takes.
 struct Id(String);
 
 impl<S: Send + Sync> FromRequestParts<S> for Id {
@@ -209,6 +214,24 @@ fn module_bytes(service: &Service, id: &str, query: &str) -> Result<Response, Pr
         (header::CONTENT_DISPOSITION, disposition),
     ];
     Ok((headers, artefact.bytes.clone()).into_response())
+}
+
+async fn limits(State(service): Shared) -> Response {
+    let language = limits::language_json(&service.options.limits, &server_options().limits);
+    axum::Json(json!({ "language": language, "service": limits::service_json(&service.limits) })).into_response()
+}
+
+async fn diagnostics() -> Response {
+    axum::Json(json!({ "diagnostics": pages::list() })).into_response()
+}
+
+async fn diagnostic(Id(code): Id) -> Result<Response, Problem> {
+    let code: Code = code.parse().map_err(|error: UnknownCode| {
+        let shown: String = error.text.chars().take(50).collect();
+        let error = UnknownCode { text: shown, ..error };
+        Problem::new(Kind::NotFound, format!("{error}; all are at {}", pages::ADDRESS))
+    })?;
+    Ok(([(header::CONTENT_TYPE, "text/markdown; charset=utf-8")], explain(code)).into_response())
 }
 
 async fn live() -> Response {

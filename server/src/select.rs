@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     fn exports(names: &[&str]) -> Vec<Export> {
-        let parameters = vec![Parameter { name: "at".to_owned(), ty: Type::Vector(3) }];
+        let parameters = vec![Parameter { name: "at".to_owned(), ty: Type::Vector(3), default: None, range: None }];
         names
             .iter()
             .map(|n| Export { name: (*n).to_owned(), parameters: parameters.clone(), result: Type::Real, doc: None })

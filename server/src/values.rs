@@ -3,6 +3,8 @@
 
 use isograd_compiler::{Export, Parameter, Rate, ScalarKind};
 
+use crate::describe::value;
+
 /// The values of one parameter, one column per scalar (LANGUAGE 9.2). A number of any kind is held as f64, which is
 /// exact for ints and bools; a real is rounded to the module's precision when it is used.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,9 +40,10 @@ pub struct Misfit(pub String);
 impl Inputs {
     /// Puts named values in the order of the parameters. All varying ones must have the same number of points. If
     /// none varies, the first parameter varies with one point, which is the usual rate of it and so the usual module.
+    /// A parameter that is not named has its default (LANGUAGE 9.3).
     ///
     /// # Errors
-    /// If a parameter has no value, a value no parameter, or the numbers of points differ.
+    /// If a parameter has neither value nor default, a value no parameter, or the numbers of points differ.
     pub fn of(export: &Export, mut named: Vec<(String, Values)>) -> Result<Self, Misfit> {
         for (i, (name, _)) in named.iter().enumerate() {
             if !export.parameters.iter().any(|p| p.name == *name) {
@@ -53,9 +56,11 @@ impl Inputs {
         let mut values = Vec::with_capacity(export.parameters.len());
         let mut missing = Vec::new();
         for parameter in &export.parameters {
-            match named.iter().position(|(name, _)| *name == parameter.name) {
-                Some(at) => values.push(named.swap_remove(at).1),
-                None => missing.push(describe(parameter)),
+            let given = named.iter().position(|(name, _)| *name == parameter.name);
+            match (given, &parameter.default) {
+                (Some(at), _) => values.push(named.swap_remove(at).1),
+                (None, Some(default)) => values.push(Values::uniform(default)),
+                (None, None) => missing.push(describe(parameter)),
             }
         }
         if !missing.is_empty() {
@@ -109,7 +114,11 @@ pub fn takes(export: &Export) -> String {
     if export.parameters.is_empty() {
         return "it takes no parameters".to_owned();
     }
-    let parameters: Vec<String> = export.parameters.iter().map(describe).collect();
+    let parameter = |p: &Parameter| match &p.default {
+        Some(default) => format!("{} with default {}", describe(p), value(&p.ty, default)),
+        None => describe(p),
+    };
+    let parameters: Vec<String> = export.parameters.iter().map(parameter).collect();
     format!("it takes {}", parameters.join(", "))
 }
 
@@ -151,7 +160,7 @@ mod tests {
     use super::*;
 
     fn export() -> Export {
-        let parameter = |name: &str, ty| Parameter { name: name.to_owned(), ty };
+        let parameter = |name: &str, ty| Parameter { name: name.to_owned(), ty, default: None, range: None };
         Export {
             name: "f".to_owned(),
             parameters: vec![parameter("at", Type::Vector(2)), parameter("n", Type::Int)],
@@ -183,6 +192,23 @@ mod tests {
         assert_eq!((inputs.points, inputs.values[0].rate), (1, Rate::Varying));
         let inputs = Inputs::of(&export(), named(Values::uniform(&[1.0, 2.0]), varying(&[&[5.0, 6.0]]))).unwrap();
         assert_eq!((inputs.points, inputs.values[0].rate), (2, Rate::Uniform));
+    }
+
+    #[test]
+    fn a_default_stands_in_for_what_is_not_given() {
+        let mut export = export();
+        export.parameters[1].default = Some(vec![7.0]);
+        let at = || ("at".to_owned(), varying(&[&[1.0, 2.0], &[3.0, 4.0]]));
+        let inputs = Inputs::of(&export, vec![at()]).unwrap();
+        assert_eq!((inputs.points, &inputs.values[1]), (2, &Values::uniform(&[7.0])));
+        let given = Inputs::of(&export, vec![at(), ("n".to_owned(), Values::uniform(&[5.0]))]).unwrap();
+        assert_eq!(given.values[1], Values::uniform(&[5.0]));
+        let missing = Inputs::of(&export, vec![("n".to_owned(), Values::uniform(&[5.0]))]).unwrap_err().0;
+        assert_eq!(missing, "no value for the parameter `at: vec2` (at.x, at.y)");
+        assert_eq!(takes(&export), "it takes `at: vec2` (at.x, at.y), `n: int` with default 7");
+        export.parameters[0].default = Some(vec![0.5, 1.5]);
+        let all = Inputs::of(&export, Vec::new()).unwrap();
+        assert_eq!((all.points, all.values[0].rate), (1, Rate::Varying));
     }
 
     #[test]

@@ -38,8 +38,8 @@ async fn a_program_is_posted_described_and_evaluated() {
         json!([{
             "name": "ball",
             "parameters": [
-                { "name": "at", "type": "vec3", "columns": ["at.x", "at.y", "at.z"] },
-                { "name": "radius", "type": "real", "columns": ["radius"] },
+                { "name": "at", "type": "vec3", "columns": ["at.x", "at.y", "at.z"], "default": null, "range": null },
+                { "name": "radius", "type": "real", "columns": ["radius"], "default": null, "range": null },
             ],
             "result": { "name": "value", "type": "real", "columns": ["value"] },
             "doc": "The distance to a ball.",

@@ -59,10 +59,74 @@ pub fn one_sided(f: impl Fn(f64) -> f64, x: f64, step: f64, side: Side) -> Estim
     })
 }
 
+/// The places at which [`slopes`] wants a function's values, so that they can be had in one batch: x, then above and
+/// below it at each step.
+#[must_use]
+pub fn stencil(x: f64, step: f64) -> Vec<f64> {
+    let mut at = vec![x];
+    let mut h = whole(step);
+    for _ in 0..ROWS {
+        at.extend([x + h, x - h]);
+        h *= 0.5;
+    }
+    at
+}
+
+/// f′(x) from both sides, from above and from below: see [`central`] and [`one_sided`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slopes {
+    /// From both sides.
+    pub central: Estimate,
+    /// From x upwards, and from x downwards.
+    pub sides: [Estimate; 2],
+}
+
+impl Slopes {
+    /// The derivative, if the differences can judge one: all three are this sure of it, relative to it or to 1, and
+    /// agree. Near a kink they do not.
+    #[must_use]
+    pub fn agreed(self, sure: f64) -> Option<Estimate> {
+        let Estimate { value, .. } = self.central;
+        let scale = sure * (1.0 + value.abs());
+        let agrees = |e: &Estimate| e.error < scale && (e.value - value).abs() < scale;
+        (agrees(&self.central) && self.sides.iter().all(agrees)).then_some(self.central)
+    }
+}
+
+/// The derivative at `at[0]` from the values at all places of a [`stencil`].
+///
+/// # Panics
+/// If there are fewer places or values than a stencil has.
+#[must_use]
+pub fn slopes(at: &[f64], values: &[f64]) -> Slopes {
+    let step = at[1] - at[0];
+    let quotient = |i: usize, j: usize| {
+        let size = values[i].abs().max(values[j].abs()) / (at[i] - at[j]).abs();
+        ((values[i] - values[j]) / (at[i] - at[j]), size)
+    };
+    let rows = |first: f64, ratio: f64, pair: &dyn Fn(usize) -> (usize, usize)| {
+        let mut k = 0;
+        tableau(step, first, ratio, |_| {
+            let (i, j) = pair(k);
+            k += 1;
+            quotient(i, j)
+        })
+    };
+    Slopes {
+        central: rows(4.0, 4.0, &|k| (1 + 2 * k, 2 + 2 * k)),
+        sides: [rows(2.0, 2.0, &|k| (1 + 2 * k, 0)), rows(2.0, 2.0, &|k| (2 + 2 * k, 0))],
+    }
+}
+
+/// A step cut to a power of 2, so that places are exact.
+fn whole(step: f64) -> f64 {
+    step.log2().floor().exp2()
+}
+
 /// Extrapolates differences: `difference(h)` gives the quotient and the size of the terms it subtracts over h. The
 /// error series begins with the power of h that halving divides by `first`, and each next by `ratio` more.
-fn tableau(step: f64, first: f64, ratio: f64, difference: impl Fn(f64) -> (f64, f64)) -> Estimate {
-    let mut h = step.log2().floor().exp2();
+fn tableau(step: f64, first: f64, ratio: f64, mut difference: impl FnMut(f64) -> (f64, f64)) -> Estimate {
+    let mut h = whole(step);
     let mut best = Estimate::NONE;
     let mut previous: Vec<f64> = Vec::new();
     for _ in 0..ROWS {
@@ -111,6 +175,22 @@ mod tests {
     fn the_sides_of_a_kink_differ() {
         let (above, below) = (one_sided(f64::abs, 0.0, 0.1, Side::Above), one_sided(f64::abs, 0.0, 0.1, Side::Below));
         assert_eq!((above.value, below.value), (1.0, -1.0));
+    }
+
+    #[test]
+    fn a_batch_gives_what_single_values_give() {
+        let judge = |f: fn(f64) -> f64, x: f64| {
+            let at = stencil(x, 0.1);
+            let values: Vec<f64> = at.iter().map(|x| f(*x)).collect();
+            slopes(&at, &values)
+        };
+        for x in [0.1, 0.7, 2.9] {
+            let agreed = judge(f64::sin, x).agreed(1e-6).expect("sin is smooth");
+            assert!((agreed.value - x.cos()).abs() < 1e-9, "at {x}: {agreed:?}");
+        }
+        assert_eq!(judge(f64::abs, 0.01).agreed(1e-6), None, "a kink within the step");
+        assert_eq!(judge(f64::abs, 0.0).agreed(1e-6), None, "a kink at the place");
+        assert_eq!(judge(f64::sqrt, 0.0).agreed(1e-6), None, "no value below");
     }
 
     #[test]

@@ -8,7 +8,10 @@
 pub mod differences;
 pub mod dual;
 pub mod laws;
+pub mod library;
 pub mod models;
 pub mod points;
+pub mod programs;
 pub mod random;
+#[cfg(feature = "run")]
 pub mod wasm;

@@ -128,9 +128,11 @@ impl Gardener<'_, '_, '_> {
         }
         match op {
             // √(1 + x²) is at least 1.
-            Op::Sqrt | Op::Log | Op::Pow => args[0] = self.at_least_one(args[0]),
+            Op::Sqrt | Op::Log | Op::Log2 | Op::Acosh | Op::Pow => args[0] = self.at_least_one(args[0]),
             Op::Div | Op::Unit => args[1] = self.at_least_one(args[1]),
-            Op::Exp | Op::Asin | Op::Acos | Op::Tan => args[0] = self.tamed(args[0]),
+            Op::Exp | Op::Exp2 | Op::Sinh | Op::Cosh | Op::Asin | Op::Acos | Op::Atanh | Op::Tan => {
+                args[0] = self.tamed(args[0]);
+            }
             Op::Scale => {
                 let (least, most) = (self.b.int(-3), self.b.int(3));
                 let n = self.b.op(Op::IntMax, &[args[1], least]);

@@ -184,6 +184,13 @@ fn broken_conventions_are_caught() {
         let root = b.sqrt(rest);
         b.div(one, root)
     };
+    let arcosine: Rule = |b, args, _| {
+        let one = b.real(1.0);
+        let square = b.mul(args[0], args[0]);
+        let rest = b.sub(square, one);
+        let root = b.sqrt(rest);
+        b.div(one, root)
+    };
     let power: Rule = |b, args, _| {
         let one = b.real(1.0);
         let less = b.sub(args[1], one);
@@ -210,6 +217,7 @@ fn broken_conventions_are_caught() {
         (Op::Length3, 0, divided),
         (Op::Length4, 0, divided),
         (Op::Asin, 0, chord),
+        (Op::Acosh, 0, arcosine),
         (Op::Pow, 0, power),
         (Op::Pow, 1, logarithm),
         (Op::Atan2, 0, angle),

@@ -1,221 +1,155 @@
-//! What LANGUAGE Appendix A promises of every entry of the standard library: it stands alone, is documented, never
-//! gives a NaN, has the gradient that differences see, and the class it claims. Values at single points are in
+//! What LANGUAGE Appendix A promises of every entry of the standard library: it stands alone, is documented, may be
+//! overridden, and what its specimens compute obeys the laws of the classes they claim. Values at single points are in
 //! `language/library.cases`.
+//!
+//! `stdlib/ENTRY.vola` holds the specimens of an entry: exports of one parameter `p: vec3` or `p: vec2`, each after
+//! what is claimed of it:
+//!
+//! ```text
+//! //# class E             E, U, L or N: LANGUAGE A.3
+//! //# outside             the claim E or U holds only where the value is above 0; `inside`: below
+//! //# lipschitz 1.4143    a Lipschitz constant, for N
+//! //# within -2..2        each component of the sampled points; this is the default
+//! //# critical 0,0,0; 1,0,0    points where something may divide by zero
+//! //# map                 instead of a class: the result is a vec3 and no field
+//! ```
+//!
+//! `ISOGRAD_BLESS=1 cargo test --release --test stdlib` writes what was measured to `docs/standard-library.md`.
 
 mod support;
 
-use isograd_compiler::{Precision, Query, standard_library};
-use isograd_graph::Value;
-use isograd_program::ScalarKind;
-use isograd_testkit::points::in_box;
-use support::{Graphs, Varying};
+#[path = "stdlib/harness/controls.rs"]
+mod controls;
+#[path = "stdlib/harness/entries.rs"]
+mod entries;
+#[path = "stdlib/harness/kernels.rs"]
+mod kernels;
+#[path = "stdlib/harness/page.rs"]
+mod page;
+#[path = "stdlib/harness/specimens.rs"]
+mod specimens;
 
-/// The classes of LANGUAGE A.3.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Class {
-    /// Right zero set and sign only.
-    Neither,
-    /// Lipschitz constant 1.
-    Lower,
-    /// Gradient of length 1 wherever there is one.
-    Unit,
-    /// The distance.
-    Exact,
-}
-use Class::{Exact, Lower, Neither, Unit};
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex};
 
-/// A tree for each entry, with the class it must have.
-const FIELDS: &[(&str, &str, Class)] = &[
-    ("Sphere", "Sphere(1.0)", Exact),
-    ("Box", "Box([1.0, 0.5, 1.5])", Exact),
-    ("Box, flat", "Box([1.0, 0.0, 1.0])", Exact),
-    ("Cylinder", "Cylinder(1.0, 0.5)", Exact),
-    ("Cylinder, thin", "Cylinder(0.0, 0.5)", Exact),
-    ("Capsule", "Capsule([0.0, 0.0, -1.0], [0.0, 0.0, 1.0], 0.5)", Exact),
-    ("Capsule, oblique", "Capsule([-1.0, 0.5, 0.0], [1.0, 1.0, -0.5], 0.25)", Exact),
-    ("Capsule, short", "Capsule([0.0; 3], [0.0, 1e-25, 0.0], 0.5)", Exact),
-    ("Round", "Round(0.25){ Box([1.0, 0.5, 1.5]) }", Exact),
-    ("Round, inwards", "Round(-0.25){ Box([1.0, 0.5, 1.5]) }", Unit),
-    ("Union", "Union(){ Sphere(1.0) }{ Box([0.5, 1.5, 0.5]) }", Unit),
-    ("Intersect", "Intersect(){ Sphere(1.0) }{ Box([0.5, 1.5, 0.5]) }", Unit),
-    ("Subtract", "Subtract(){ Sphere(1.0) }{ Box([0.5, 1.5, 0.5]) }", Unit),
-    ("SmoothUnion", "SmoothUnion(0.5){ Sphere(1.0) }{ Box([0.5, 1.5, 0.5]) }", Lower),
-    ("SmoothUnion, equal", "SmoothUnion(0.5){ Sphere(1.0) }{ Sphere(1.0) }", Lower),
-    ("SmoothUnion, narrow", "SmoothUnion(1e-30){ Sphere(1.0) }{ Box([0.5, 1.5, 0.5]) }", Lower),
-    ("UnionChamfer", "UnionChamfer(0.25){ Sphere(1.0) }{ Box([0.5, 1.5, 0.5]) }", Neither),
-    ("UnionStairs", "UnionStairs(0.5, 3.0){ Sphere(1.0) }{ Box([0.5, 1.5, 0.5]) }", Unit),
-    ("Trans3d", "Trans3d([1.0, 0.5, -1.0]){ Box([1.0, 0.5, 1.5]) }", Exact),
-    ("Tran3d", "Tran3d([1.0, 0.5, -1.0]){ Box([1.0, 0.5, 1.5]) }", Exact),
-    ("Rot3dAxis", "Rot3dAxis([1.0, 2.0, -1.0], 0.75){ Box([1.0, 0.5, 1.5]) }", Exact),
-    ("SetColor", "SetColor([1.0, 0.5, 0.0]){ Cylinder(1.0, 0.5) }", Exact),
-    ("NormalToColor", "NormalToColor(){ Cylinder(1.0, 0.5) }", Exact),
-    ("Sharpness", "Sharpness(1.0, [0.0; 3], [1.0; 3]){ Cylinder(1.0, 0.5) }", Exact),
-    ("ObjectAlong", "ObjectAlong([sin(time), 3.0 * time, time * time], time){ Box([1.0, 0.5, 1.5]) }", Lower),
-    ("ObjectAlong, upwards", "ObjectAlong([0.0, 0.0, time * time], time){ Box([1.0, 0.5, 1.5]) }", Lower),
-    ("ObjectAlong, at rest", "ObjectAlong([0.5, 0.0, 0.0], time){ Box([1.0, 0.5, 1.5]) }", Exact),
-];
+use isograd_testkit::library::{Claim, Class, Measured};
+use libtest_mimic::{Arguments, Failed, Trial};
 
-fn program(tree: &str) -> String {
-    format!(
-        "module std::prelude;
-        export fn f(p: vec3, time: real) -> real {{ csg tree = {tree}; eval tree.Sdf3d(p) }}
-        export fn colors(p: vec3, time: real) -> vec3 {{
-            csg tree = NormalToColor(){{ {tree} }};
-            csg marked = Sharpness(1.0, [0.0; 3], [0.5; 3]){{ {tree} }};
-            eval tree.Color3d(p) + eval marked.Color3d(p)
-        }}"
-    )
+use entries::Entry;
+use specimens::Specimen;
+
+/// What was measured of one specimen.
+struct Row {
+    entry: String,
+    export: String,
+    claim: Claim,
+    measured: Measured,
 }
 
-fn all_queries() -> [Query; 3] {
-    [Query::Value, Query::Gradient("p".into()), Query::Hessian("p".into())]
-}
+fn main() -> ExitCode {
+    let arguments = Arguments::from_args();
+    let entries: Arc<Vec<Entry>> = Arc::new(entries::all());
+    let specimens = Arc::new(specimens::all());
+    let rows: Arc<Mutex<Vec<Row>>> = Arc::default();
 
-fn reals(point: &[f64], precision: Precision) -> Vec<Value> {
-    let time = 0.75;
-    point.iter().chain([&time]).map(|x| support::value(ScalarKind::Real, *x, precision)).collect()
-}
+    let mut trials = controls::trials();
+    trials.push(trial("prelude", &entries, |entries| entries::prelude_imports(entries)));
+    for index in 0..entries.len() {
+        let name = &entries[index].stem;
+        trials.push(trial(&format!("alone: {name}"), &entries, move |all| entries::stands_alone(&all[index])));
+        trials.push(trial(&format!("override: {name}"), &entries, move |all| entries::yields(&all[index])));
+        let specimens = Arc::clone(&specimens);
+        trials.push(trial(&format!("documented: {name}"), &entries, move |all| documented(&all[index], &specimens)));
+    }
+    for index in 0..specimens.len() {
+        let rows = Arc::clone(&rows);
+        let name = format!("{}: {}", specimens[index].entry, specimens[index].export);
+        trials.push(trial(&name, &specimens, move |all| {
+            let specimen = &all[index];
+            let measured = specimens::judge(specimen)?;
+            let Specimen { entry, export, claim, .. } = specimen.clone();
+            rows.lock().map_err(|e| e.to_string())?.push(Row { entry, export, claim, measured });
+            Ok(())
+        }));
+    }
 
-fn numbers(rows: Vec<Vec<Value>>) -> Vec<Vec<f64>> {
-    rows.into_iter().map(|row| row.into_iter().map(support::number).collect()).collect()
-}
-
-fn norm(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-#[test]
-fn every_file_stands_alone() {
-    for (file, _) in standard_library() {
-        let stem = file.trim_end_matches(".vola");
-        for library in ["std", "stdlib"] {
-            let source = format!("module {library}::{stem};\nexport fn f(p: vec3) -> real {{ p.x }}");
-            let checked = support::check(&source);
-            assert!(checked.diagnostics.is_empty(), "{file}: {}", support::listed(&checked.diagnostics));
-            support::compile(&checked, "f").unwrap_or_else(|e| panic!("{file}: {}", support::listed(&e)));
+    let conclusion = libtest_mimic::run(&arguments, trials);
+    if arguments.list || conclusion.has_failed() {
+        return conclusion.exit_code();
+    }
+    let mut rows = rows.lock().expect("no trial panicked with the rows");
+    let place = |row: &Row| specimens.iter().position(|s| s.entry == row.entry && s.export == row.export);
+    rows.sort_by_key(place);
+    let sum = |f: fn(&Measured) -> usize| rows.iter().map(|row| f(&row.measured)).sum::<usize>();
+    println!(
+        "{} entries, {} specimens: {} comparisons, {} more could not be judged",
+        entries.len(),
+        rows.len(),
+        sum(|m| m.count.judged),
+        sum(|m| m.count.unjudged),
+    );
+    // The page needs all measurements.
+    if conclusion.num_filtered_out > 0 {
+        return conclusion.exit_code();
+    }
+    match page::check(&page::written(&entries, &rows)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
         }
     }
 }
 
-#[test]
-fn the_prelude_imports_every_file() {
-    let files = standard_library();
-    let (_, prelude) = files.iter().find(|(name, _)| name == "prelude.vola").expect("the prelude");
-    for (file, _) in files.iter().filter(|(name, _)| name != "prelude.vola") {
-        let import = format!("module self::{};", file.trim_end_matches(".vola"));
-        assert!(prelude.lines().any(|line| line == import), "no `{import}`");
+fn trial<T: Send + Sync + 'static>(
+    name: &str,
+    of: &Arc<T>,
+    run: impl FnOnce(&T) -> Result<(), String> + Send + 'static,
+) -> Trial {
+    let of = Arc::clone(of);
+    Trial::test(name, move || run(&of).map_err(Failed::from))
+}
+
+/// The documentation says what LANGUAGE A.1 demands, and the specimens claim what it says.
+fn documented(entry: &Entry, specimens: &[Specimen]) -> Result<(), String> {
+    let Entry { stem, doc, .. } = entry;
+    for part in ["Class", "Needs:", "Source:"] {
+        if !doc.contains(part) {
+            return Err(format!("the comment of `{}` has no `{part}`", entry.name));
+        }
+    }
+    if entry.is_function() {
+        return Ok(());
+    }
+    let claims: Vec<&Claim> = specimens.iter().filter(|s| s.entry == *stem).map(|s| &s.claim).collect();
+    if claims.is_empty() {
+        return Err(format!("`{}` has no specimen: write testkit/tests/stdlib/{stem}.vola", entry.name));
+    }
+    let said = entry.class();
+    let words: Vec<&str> = said.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    let class = match words.first() {
+        Some(&"E") => Class::Exact,
+        Some(&"U") => Class::Unit,
+        Some(&"L") => Class::Lower,
+        Some(&"N") => Class::Neither,
+        Some(&"keeps" | &"colour" | &"map") => return Ok(()),
+        _ => return Err(format!("the comment of `{}` has an unknown class: `{said}`", entry.name)),
+    };
+    if !claims.iter().any(|c| c.class == Some(class)) {
+        return Err(format!("the comment of `{}` says class {}, which no specimen claims", entry.name, letter(class)));
+    }
+    match claims.iter().filter_map(|c| c.class).find(|c| *c > class && !words.contains(&letter(*c))) {
+        Some(more) => Err(format!("a specimen of `{}` claims {}: its comment does not", entry.name, letter(more))),
+        None => Ok(()),
     }
 }
 
-#[test]
-fn every_declaration_is_documented() {
-    for (file, text) in standard_library() {
-        let mut doc = String::new();
-        for line in text.lines() {
-            let declares = |word: &str| line.starts_with(word);
-            if let Some(rest) = line.strip_prefix("///") {
-                doc += rest;
-            } else if declares("entity ") || declares("operation ") || declares("concept ") {
-                assert!(doc.contains("Source:"), "{file}: no source: {line}");
-                assert!(doc.contains("Needs:") || doc.contains("any real"), "{file}: no needs: {line}");
-                let classed = declares("concept ") || doc.contains("Class") || doc.contains("class");
-                assert!(classed, "{file}: no class: {line}");
-            } else if !line.starts_with('#') {
-                doc.clear();
-            }
-        }
+/// The class as LANGUAGE A.3 writes it.
+const fn letter(class: Class) -> &'static str {
+    match class {
+        Class::Exact => "E",
+        Class::Unit => "U",
+        Class::Lower => "L",
+        Class::Neither => "N",
     }
-}
-
-#[test]
-fn every_operation_and_entity_is_tested() {
-    for (file, text) in standard_library() {
-        for line in text.lines().filter(|l| l.starts_with("entity ") || l.starts_with("operation ")) {
-            let name = line.split([' ', '(']).nth(1).expect("a name");
-            assert!(FIELDS.iter().any(|(entry, ..)| *entry == name), "{file}: `{name}` is not in FIELDS");
-        }
-    }
-}
-
-/// Faces, edges, corners, axes, rims, centres and diagonals of the shapes above, far points and tiny ones.
-fn critical_points() -> Vec<Vec<f64>> {
-    const AT: &[f64] = &[0.0, 1e-30, -1e-20, 0.25, 0.5, -0.5, 1.0, -1.0, 1.5, 2.0, 1e9, -1e9];
-    let mut all = Vec::new();
-    for x in AT {
-        for y in AT {
-            all.extend(AT.iter().map(|z| vec![*x, *y, *z]));
-        }
-    }
-    all
-}
-
-#[test]
-fn no_nan_at_critical_points() {
-    for precision in [Precision::F32, Precision::F64] {
-        let points: Vec<Vec<Value>> = critical_points().iter().map(|p| reals(p, precision)).collect();
-        for (name, tree, _) in FIELDS {
-            let checked = support::check_ok(&program(tree));
-            for (export, queries) in [("f", &all_queries()[..]), ("colors", &all_queries()[..1])] {
-                let graphs = Graphs::of(&checked, export, queries, precision)
-                    .unwrap_or_else(|e| panic!("{name}: {}", support::listed(&e)));
-                let emitted = graphs.emitted(&points);
-                for (point, row) in points.iter().zip(&emitted) {
-                    let nan = row.iter().position(|x| support::number(*x).is_nan());
-                    assert!(nan.is_none(), "{name}, {export}, {}: NaN at {point:?}: {row:?}", precision.name());
-                }
-                let function = support::export(&checked, export);
-                let lanes = support::wasm(&checked, function, queries, precision, Varying::First, &points)
-                    .unwrap_or_else(|e| panic!("{name}: {e}"));
-                for ((point, a), b) in points.iter().zip(&emitted).zip(&lanes) {
-                    let same = a.iter().zip(b).all(|(a, b)| a.same_bits(*b));
-                    assert!(same, "{name}, {export}, {}: at {point:?}: reference {a:?}, wasm {b:?}", precision.name());
-                }
-            }
-        }
-    }
-}
-
-/// Gradients at seeded points against differences; then the laws of the entry's class, where differences could judge.
-#[test]
-fn gradients_and_classes() {
-    const POINTS: usize = 200;
-    let mut table = String::new();
-    for (name, tree, class) in FIELDS {
-        let checked = support::check_ok(&program(tree));
-        let graphs = |queries: &[Query]| Graphs::of(&checked, "f", queries, Precision::F64).expect("graphs");
-        let (derived, plain) = (graphs(&all_queries()[..2]), graphs(&all_queries()[..1]));
-        let value_at = |point: &[f64]| numbers(plain.oracle(&[reals(point, Precision::F64)]))[0][0];
-        let mut skipped = 0;
-        let mut previous: Option<(Vec<f64>, f64)> = None;
-        for point in in_box(&[(-2.5, 2.5); 3], POINTS, 0x0150_9ead) {
-            let row = numbers(derived.oracle(&[reals(&point, Precision::F64)])).remove(0);
-            let (value, gradient) = (row[0], &row[1..]);
-            let slopes: Vec<_> = (0..3).map(|axis| support::slope(value_at, &point, axis)).collect();
-            if let Some((other, there)) = previous.replace((point.clone(), value))
-                && *class >= Lower
-            {
-                let apart: Vec<f64> = point.iter().zip(&other).map(|(a, b)| a - b).collect();
-                assert!((value - there).abs() <= norm(&apart) + 1e-9, "{name}: too steep from {other:?} to {point:?}");
-            }
-            if slopes.iter().any(Option::is_none) {
-                skipped += 1;
-                continue;
-            }
-            for (axis, slope) in slopes.iter().flatten().enumerate() {
-                let off = (gradient[axis] - slope).abs();
-                assert!(off < 1e-5, "{name}: at {point:?} gradient {gradient:?}, difference {slope} along {axis}");
-            }
-            let length = norm(gradient);
-            assert!(*class < Lower || length < 1.0 + 1e-9, "{name}: at {point:?} the gradient is {length} long");
-            assert!(*class < Unit || (length - 1.0).abs() < 1e-9, "{name}: at {point:?} the gradient is {length} long");
-            if *class == Exact {
-                let foot: Vec<f64> = point.iter().zip(gradient).map(|(x, g)| x - value * g).collect();
-                let there = value_at(&foot);
-                assert!(there.abs() < 1e-9, "{name}: at {point:?}, {there} is left after walking {value} home");
-            }
-        }
-        table += &format!("{name:24} {skipped:3} of {POINTS} points too near a kink\n");
-        assert!(skipped <= POINTS / 5, "{name}: {skipped} points could not be judged");
-    }
-    println!("{table}");
 }

@@ -4,13 +4,14 @@
 use isograd_graph::{NodeId, Op};
 use isograd_program::{Builtin, Type};
 
+use crate::matrices::Matrix;
 use crate::nodes::Nodes;
 use crate::value::Scalars;
 
 impl Nodes<'_> {
     /// The value of a built-in.
     pub(crate) fn builtin(&mut self, builtin: Builtin, types: &[Type], args: &[Scalars]) -> Option<Scalars> {
-        let int = types.first() == Some(&Type::Int);
+        let int = types.first().is_some_and(Type::is_int);
         let of = |real: Op, integer: Op| if int { integer } else { real };
         match builtin {
             Builtin::Dot => self.dot(args.first()?, args.get(1)?).map(Scalars::one),
@@ -44,6 +45,25 @@ impl Nodes<'_> {
             Builtin::Asin => self.unary(Op::Asin, args),
             Builtin::Acos => self.unary(Op::Acos, args),
             Builtin::Atan => self.unary(Op::Atan, args),
+            Builtin::Sinh => self.unary(Op::Sinh, args),
+            Builtin::Cosh => self.unary(Op::Cosh, args),
+            Builtin::Tanh => self.unary(Op::Tanh, args),
+            Builtin::Asinh => self.unary(Op::Asinh, args),
+            Builtin::Acosh => self.unary(Op::Acosh, args),
+            Builtin::Atanh => self.unary(Op::Atanh, args),
+            Builtin::Inverse | Builtin::Invert => match types {
+                [Type::Quat] => self.quat_inverse(args.first()?),
+                [ty] => Matrix::of(ty, args.first()?)?.inverse(self),
+                _ => None,
+            },
+            Builtin::Determinant => {
+                let [ty] = types else { return None };
+                Matrix::of(ty, args.first()?)?.determinant(self).map(Scalars::one)
+            }
+            Builtin::Transpose => {
+                let [ty] = types else { return None };
+                Matrix::of(ty, args.first()?)?.transposed()
+            }
             Builtin::Atan2 => self.two(args, |n, y, x| n.op(Op::Atan2, &[y, x])),
             Builtin::Normalize => self.normalize(args.first()?),
             Builtin::Distance => {
@@ -70,16 +90,14 @@ impl Nodes<'_> {
             Builtin::Saturate => self.one(args, Self::saturate),
             Builtin::Trunc => self.unary(Op::Trunc, args),
             Builtin::Log => self.unary(Op::Log, args),
+            Builtin::Log2 => self.unary(Op::Log2, args),
+            Builtin::Exp2 => self.unary(Op::Exp2, args),
             Builtin::InverseSqrt => self.one(args, |n, a| {
                 let (one, root) = (n.real(1.0), n.op(Op::Sqrt, &[a]));
                 n.div(one, root)
             }),
             Builtin::Quat => self.quat(args),
-            Builtin::Conjugate => {
-                let [x, y, z, w] = quadruple(args.first()?)?;
-                let negative = self.each(&[x, y, z], |n, a| n.op(Op::Neg, &[a]));
-                Some(negative.iter().copied().chain([w]).collect())
-            }
+            Builtin::Conjugate => self.conjugate(args.first()?),
             Builtin::Rotate => {
                 let [q, v] = args else { return None };
                 self.rotate(quadruple(q)?, triple(v)?)
@@ -176,6 +194,19 @@ impl Nodes<'_> {
         let axis = self.normalize(axis)?;
         let u = self.each(&axis, |n, x| n.mul(x, sin));
         Some(u.iter().copied().chain([cos]).collect())
+    }
+
+    /// `(−u, w)`
+    fn conjugate(&mut self, q: &[NodeId]) -> Option<Scalars> {
+        let [x, y, z, w] = quadruple(q)?;
+        let negative = self.each(&[x, y, z], |n, a| n.op(Op::Neg, &[a]));
+        Some(negative.iter().copied().chain([w]).collect())
+    }
+
+    /// `conjugate(q)/dot(q,q)` (LANGUAGE 16.1)
+    fn quat_inverse(&mut self, q: &[NodeId]) -> Option<Scalars> {
+        let (conjugate, square) = (self.conjugate(q)?, self.dot(q, q)?);
+        Some(self.each(&conjugate, |n, x| n.div(x, square)))
     }
 
     /// `v + cross(u, cross(u, v) + v*w)*2.0`

@@ -51,7 +51,14 @@ pub(crate) fn jumps(code: &Code) -> Option<Jumps> {
             | Instruction::Not
             | Instruction::Binary { .. }
             | Instruction::Builtin { .. }
+            | Instruction::Interval(_)
+            | Instruction::PackIntervals(_)
+            | Instruction::SplatInterval(_)
+            | Instruction::End { .. }
+            | Instruction::PickInterval { .. }
+            | Instruction::MayBeNan
             | Instruction::Diff
+            | Instruction::Bound { .. }
             | Instruction::Call(_)
             | Instruction::Node { .. }
             | Instruction::Eval { .. } => {}

@@ -12,15 +12,19 @@ mod code;
 mod csg;
 mod eval;
 mod machine;
+mod matrices;
 mod messages;
+mod metadata;
 mod nodes;
 mod operators;
 mod value;
 
-use isograd_graph::{Graph, Watch};
+use isograd_graph::{Graph, NodeId, Watch};
 use isograd_program::Program;
 use isograd_program::typed::FunctionId;
 use isograd_syntax::{Diagnostic, Limits, Span};
+
+pub use metadata::{Metadata, metadata};
 
 /// What [`elaborate`] makes.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +36,8 @@ pub struct Elaborated {
     pub origins: Vec<Span>,
     /// What is worth telling.
     pub warnings: Vec<Diagnostic>,
+    /// Every `diff` that was elaborated: where it is written, and the derivatives it asks for.
+    pub diffs: Vec<(Span, Vec<NodeId>)>,
 }
 
 /// Specialises one export (LANGUAGE 12, 18).

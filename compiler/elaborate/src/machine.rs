@@ -2,7 +2,7 @@
 //! on a stack of their own, never on the host's. What a construct means is in the files beside this one.
 
 use isograd_graph::{Exhausted, NodeId, Op, Scalar, Watch};
-use isograd_program::typed::{Code, FunctionId, ImplId, Instruction, Slot};
+use isograd_program::typed::{Code, Constant, FunctionId, ImplId, Instruction, Slot};
 use isograd_program::{Program, ScalarKind};
 use isograd_syntax::{Code as DiagnosticCode, Diagnostic, Limits, Span};
 use rustc_hash::FxHashMap;
@@ -72,6 +72,8 @@ pub(crate) struct Machine<'p, 'w> {
     steps: u64,
     pub(crate) diagnostics: Vec<Diagnostic>,
     pub(crate) warnings: Vec<Diagnostic>,
+    /// Every `diff` so far, with its results.
+    diffs: Vec<(Span, Vec<NodeId>)>,
 }
 
 /// Runs an export.
@@ -84,29 +86,13 @@ pub(crate) fn run(
     let Some(function) = program.functions.get(export.0 as usize) else {
         return Err(vec![Diagnostic::global(DiagnosticCode::E1102, "there is no such export")]);
     };
-    let mut machine = Machine {
-        program,
-        limits,
-        watch,
-        nodes: Nodes::new(limits.graph_nodes, watch, function.span),
-        forest: Forest::default(),
-        stack: Vec::new(),
-        activities: Vec::new(),
-        memory: FxHashMap::default(),
-        jumps: FxHashMap::default(),
-        loop_names: FxHashMap::default(),
-        nesting: 0,
-        unrolled: 0,
-        steps: 0,
-        diagnostics: Vec::new(),
-        warnings: Vec::new(),
-    };
+    let mut machine = Machine::new(program, limits, watch, function.span);
     if machine.export(export).is_err() || !machine.diagnostics.is_empty() {
         return Err(machine.diagnostics);
     }
-    let Machine { nodes, warnings, .. } = machine;
+    let Machine { nodes, warnings, diffs, .. } = machine;
     match nodes.finish() {
-        Ok((graph, origins)) => Ok(Elaborated { graph, origins, warnings }),
+        Ok((graph, origins)) => Ok(Elaborated { graph, origins, warnings, diffs }),
         Err(why) => Err(vec![too_large(why, function.span)]),
     }
 }
@@ -123,11 +109,72 @@ fn too_large(why: Exhausted, span: Span) -> Diagnostic {
     }
 }
 
-impl<'p> Machine<'p, '_> {
+/// The value of a constant: its scalars in order (LANGUAGE 9.3, 17.3). `owner` is the export whose metadata it is.
+pub(crate) fn constant(
+    program: &Program,
+    owner: FunctionId,
+    constant: &Constant,
+    limits: &Limits,
+    watch: &dyn Watch,
+) -> Result<Vec<isograd_graph::Value>, Vec<Diagnostic>> {
+    let site = program.functions.get(owner.0 as usize).map_or(constant.span, |f| f.span);
+    let mut machine = Machine::new(program, limits, watch, site);
+    let values = machine.constant(owner, &constant.code);
+    match values {
+        Ok(values) if machine.diagnostics.is_empty() => Ok(values),
+        _ => Err(machine.diagnostics),
+    }
+}
+
+impl<'p, 'w> Machine<'p, 'w> {
+    /// A machine that has run nothing; what it makes first comes from `span`.
+    fn new(program: &'p Program, limits: &'p Limits, watch: &'w dyn Watch, span: Span) -> Self {
+        Self {
+            program,
+            limits,
+            watch,
+            nodes: Nodes::new(limits.graph_nodes, watch, span),
+            forest: Forest::default(),
+            stack: Vec::new(),
+            activities: Vec::new(),
+            memory: FxHashMap::default(),
+            jumps: FxHashMap::default(),
+            loop_names: FxHashMap::default(),
+            nesting: 0,
+            unrolled: 0,
+            steps: 0,
+            diagnostics: Vec::new(),
+            warnings: Vec::new(),
+            diffs: Vec::new(),
+        }
+    }
+
+    /// Runs code without parameters, whose value is constant.
+    fn constant(&mut self, owner: FunctionId, code: &'p Code) -> Flow<Vec<isograd_graph::Value>> {
+        self.enter(Body::Function(owner), code, Vec::new(), None, None)?;
+        self.run()?;
+        let result = self.pop_scalars()?;
+        let values: Option<Vec<_>> = result.iter().map(|x| self.nodes.value(*x)).collect();
+        values.ok_or(()).map_err(|()| self.bug("constant without a value"))
+    }
+
+    /// Goes on until the body entered first is left.
+    fn run(&mut self) -> Flow {
+        while let Some(activity) = self.activities.last() {
+            let in_frame = matches!(activity, Activity::Frame(_));
+            self.poll()?;
+            if in_frame { self.step()? } else { self.resume_choice()? }
+        }
+        Ok(())
+    }
+
     /// Inputs, body, outputs.
     fn export(&mut self, id: FunctionId) -> Flow {
         let program = self.program;
         let Some(function) = program.functions.get(id.0 as usize) else { return Err(self.bug("no such function")) };
+        if function.result.has_interval() || function.params.iter().any(|p| p.ty.has_interval()) {
+            return Err(self.intervals(function.span));
+        }
         let counts = [
             ("parameters", function.params.iter().map(|p| u64::from(p.ty.len())).sum::<u64>()),
             ("results", u64::from(function.result.len())),
@@ -158,11 +205,7 @@ impl<'p> Machine<'p, '_> {
             args.push(Value::Scalars(columns.into_iter().zip(param.ty.scalars()).map(input).collect()));
         }
         self.enter(Body::Function(id), &function.code, args, None, None)?;
-        while let Some(activity) = self.activities.last() {
-            let in_frame = matches!(activity, Activity::Frame(_));
-            self.poll()?;
-            if in_frame { self.step()? } else { self.resume_choice()? }
-        }
+        self.run()?;
         let result = self.pop_scalars()?;
         let columns = function.result.columns("value");
         if columns.len() != result.len() {
@@ -445,6 +488,13 @@ impl<'p> Machine<'p, '_> {
                 let value = self.nodes.builtin(*builtin, args, &values);
                 self.push_checked(value)?;
             }
+            Instruction::Interval(_)
+            | Instruction::PackIntervals(_)
+            | Instruction::SplatInterval(_)
+            | Instruction::End { .. }
+            | Instruction::PickInterval { .. }
+            | Instruction::MayBeNan
+            | Instruction::Bound { .. } => return Err(self.intervals(*span)),
             Instruction::Diff => self.diff()?,
             Instruction::Call(function) => self.call(*function)?,
             Instruction::Node { definition, subtrees } => self.build(*definition, *subtrees as usize, *span)?,
@@ -501,8 +551,17 @@ impl<'p> Machine<'p, '_> {
                 result.push(self.nodes.diff(*e, *w));
             }
         }
+        self.diffs.push((self.nodes.here(), result.clone()));
         self.push_scalars(result.into_iter().collect());
         Ok(())
+    }
+
+    /// Intervals are checked, but their values are not computed yet.
+    fn intervals(&mut self, span: Span) -> Stop {
+        self.fail(
+            Diagnostic::new(DiagnosticCode::E1101, span, "values of intervals are not yet supported")
+                .note("they are part of the language and will be compiled by a later version"),
+        )
     }
 
     /// Calls a function: its body runs in place. The same call again in the same scope gives the same nodes, unless

@@ -50,7 +50,7 @@ impl Nodes<'_> {
         (left, a): (&Type, &[NodeId]),
         (right, b): (&Type, &[NodeId]),
     ) -> Option<Scalars> {
-        let int = *left == Type::Int;
+        let int = left.is_int();
         let (real_op, int_op) = match op {
             BinaryOp::Mul => return self.product((left, a), (right, b)),
             BinaryOp::Add => (Op::Add, Op::IntAdd),
@@ -84,7 +84,9 @@ impl Nodes<'_> {
     /// `a * b` for every pair of types that has a product.
     fn product(&mut self, (left, a): (&Type, &[NodeId]), (right, b): (&Type, &[NodeId])) -> Option<Scalars> {
         match (left, right) {
-            (Type::Int, Type::Int) => self.pairs(a, b, |n, a, b| n.op(Op::IntMul, &[a, b])),
+            (Type::Int, Type::Int) | (Type::IntVector(_), Type::IntVector(_)) => {
+                self.pairs(a, b, |n, a, b| n.op(Op::IntMul, &[a, b]))
+            }
             (Type::Real, Type::Real) | (Type::Vector(_), Type::Vector(_)) => self.pairs(a, b, Self::mul),
             (_, Type::Real) => {
                 let [s] = *b else { return None };
@@ -172,12 +174,17 @@ impl Nodes<'_> {
 
     /// `-a`
     pub(crate) fn negative(&mut self, ty: &Type, a: &[NodeId]) -> Scalars {
-        let op = if *ty == Type::Int { Op::IntNeg } else { Op::Neg };
+        let op = if ty.is_int() { Op::IntNeg } else { Op::Neg };
         self.each(a, |n, x| n.op(op, &[x]))
     }
 
     /// `a` as another type (LANGUAGE 3.4).
     pub(crate) fn cast(&mut self, from: &Type, to: &Type, a: &[NodeId]) -> Option<Scalars> {
+        match (from, to) {
+            (Type::Vector(_), Type::IntVector(_)) => return Some(self.each(a, |n, x| n.op(Op::RealToInt, &[x]))),
+            (Type::IntVector(_), Type::Vector(_)) => return Some(self.each(a, |n, x| n.op(Op::IntToReal, &[x]))),
+            _ => {}
+        }
         let [x] = *a else { return None };
         let y = match (from, to) {
             (Type::Real, Type::Int) => self.op(Op::RealToInt, &[x]),

@@ -17,7 +17,7 @@ fn program(instructions: Vec<Instruction>) -> Program {
     };
     let function = Function {
         name: "f".into(),
-        params: vec![Param { name: "x".into(), ty: Type::Real }],
+        params: vec![Param::new("x".into(), Type::Real)],
         result: Type::Real,
         doc: None,
         code,

@@ -125,6 +125,54 @@ const MORE: &[Row] = &[
         &[(&[0., 0., 1., 0.], &[0., 0., -0.5, 0., 1., -1., 0., 0., 0., -1., 0., 0., 0., 1.])],
     ),
     (
+        "vectors of int",
+        "f(a: vec2<int>, b: vec2<int>) -> (vec2<int>, vec2<int>, vec2<int>)",
+        "(a * b - -a, a / b + a % b, max(abs(a), mod(b, a))::<vec2>::<vec2<int>>)",
+        &[(&[7., -7., 2., 0.], &[21., -7., 4., 0., 7., 7.])],
+    ),
+    (
+        "inverse",
+        "f(a: real) -> (mat3, mat2, real)",
+        "let m = [[2.0,0.0,1.0],[1.0,3.0,a],[0.0,1.0,1.0]]; (inverse(m) * m, invert([[a,2.0],[2.0,4.0]]), determinant(m))",
+        &[(
+            &[1.],
+            &[
+                1.,
+                0.,
+                0.,
+                0.,
+                1.,
+                0.,
+                0.,
+                0.,
+                1.,
+                f64::INFINITY,
+                f64::NEG_INFINITY,
+                f64::NEG_INFINITY,
+                f64::INFINITY,
+                5.,
+            ],
+        )],
+    ),
+    (
+        "inverse of a quaternion",
+        "f(q: quat) -> (quat, quat)",
+        "(inverse(q), q * invert(q))",
+        &[(&[1., 2., 3., 4.], &[-1. / 30., -2. / 30., -0.1, 4. / 30., 0., 0., 0., 1.])],
+    ),
+    (
+        "transpose",
+        "f(m: mat2x3) -> (mat3x2, mat2)",
+        "(transpose(m), transpose(m) * m)",
+        &[(&[1., 2., 3., 4., 5., 6.], &[1., 4., 2., 5., 3., 6., 14., 32., 32., 77.])],
+    ),
+    (
+        "hyperbolic",
+        "f(x: real) -> (vec3, vec3)",
+        "([sinh(x), cosh(x), tanh(x)], [asinh(x), acosh(x), log2(exp2(x))])",
+        &[(&[1.], &[1.1752012, 1.5430806, 0.7615942, 0.8813736, 0., 1.])],
+    ),
+    (
         "counter",
         "f(n: int) -> int",
         "let s = 0; for i in 0..n { i = i * 2; s = s + i; } s",
@@ -253,6 +301,32 @@ fn names_of_columns() {
     assert_eq!(inputs, ["t.0.x", "t.0.y", "t.1", "q.x", "q.y", "q.z", "q.w"]);
     let outputs: Vec<&str> = graph.outputs.iter().map(|o| o.name.as_str()).collect();
     assert_eq!(outputs, ["value.0.x.x", "value.0.x.y", "value.0.y.x", "value.0.y.y", "value.1"]);
+}
+
+/// The order of LANGUAGE 5.1 and 5.2, visible through overflow and cancellation: another order gives other bits.
+#[test]
+fn determinants_expand_along_row_0() {
+    let body = "determinant([[a, 1.0, 0.0], [b, 0.0, 1.0], [c, 1.0, 1.0]])";
+    let graph = graph(&example("f(a: real, b: real, c: real) -> real", body));
+    // a·(0·1 − 1·1) − b·(1·1 − 1·0) + c·(1·1 − 0·0)
+    for (a, b, c) in [(0.1, 0.2, 0.3), (1e16, 1.0, 1e16), (1.0, 1e-17, 1.0), (0.7, 0.1, 0.8)] {
+        assert_eq!(run(&graph, &[a, b, c]), [(-a - b) + c]);
+    }
+}
+
+/// Values of intervals are answered once, at the first place.
+#[test]
+fn intervals() {
+    for (signature, body) in [
+        ("f(x: real) -> real", "let i = [0.0 .. x] * 2.0; let j = bound(x, x, i); j.end"),
+        ("f(i: interval<real>) -> real", "i.start + [i.end .. 1.0].end"),
+        ("f(x: real) -> (bool, interval<vec2>)", "(true, [[x, x] .. [x, x]])"),
+        ("f(x: real) -> real", "if x > 0.0 { bound(x, x, [x .. x]).end } else { [x .. x].start }"),
+    ] {
+        assert_eq!(codes(&example(signature, body)), [Code::E1101], "{body}");
+    }
+    let unused = "fn g(i: interval<real>) -> real { i.end } export fn f(x: real) -> real { if 1 < 2 { x } else { g([x .. x]) } }";
+    assert_eq!(codes(unused), []);
 }
 
 #[test]

@@ -6,7 +6,12 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, PI, SQRT_2, TAU};
 use core_math as exact;
 use isograd_graph::{Builder, Evaluator, Graph, Mode, Node, NodeId, Op, Precision, Scalar, Unwatched, Value, ops};
 
-const KERNELS: &[Op] = &[Op::Exp, Op::Log, Op::Pow, Op::Sin, Op::Cos, Op::Tan, Op::Asin, Op::Acos, Op::Atan, Op::Atan2];
+#[rustfmt::skip]
+const KERNELS: &[Op] = &[
+    Op::Exp, Op::Exp2, Op::Log, Op::Log2, Op::Pow,
+    Op::Sin, Op::Cos, Op::Tan, Op::Asin, Op::Acos, Op::Atan, Op::Atan2,
+    Op::Sinh, Op::Cosh, Op::Tanh, Op::Asinh, Op::Acosh, Op::Atanh,
+];
 
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
 
@@ -17,7 +22,9 @@ const NAN: f64 = f64::NAN;
 fn reference(op: Op, x: f64, y: f64) -> f64 {
     match op {
         Op::Exp => exact::exp(x),
+        Op::Exp2 => exact::exp2(x),
         Op::Log => exact::log(x),
+        Op::Log2 => exact::log2(x),
         Op::Pow => exact::pow(x, y),
         Op::Sin => exact::sin(x),
         Op::Cos => exact::cos(x),
@@ -26,6 +33,12 @@ fn reference(op: Op, x: f64, y: f64) -> f64 {
         Op::Acos => exact::acos(x),
         Op::Atan => exact::atan(x),
         Op::Atan2 => exact::atan2(x, y),
+        Op::Sinh => exact::sinh(x),
+        Op::Cosh => exact::cosh(x),
+        Op::Tanh => exact::tanh(x),
+        Op::Asinh => exact::asinh(x),
+        Op::Acosh => exact::acosh(x),
+        Op::Atanh => exact::atanh(x),
         _ => panic!("{op} is no kernel"),
     }
 }
@@ -137,10 +150,20 @@ impl Random {
         let (digits, range) = if p == Precision::F32 { (24.0, 128.0) } else { (53.0, 1024.0) };
         let one = match (op, way) {
             (Op::Exp, 0) => self.between(-0.7 * range, 0.7 * range),
-            (Op::Exp, 1) => self.between(-1.0, 1.0),
-            (Op::Log, 0) => 1.0 + self.scaled(-digits, -1.0),
-            (Op::Log, 1) => self.between(0.5, 2.0),
-            (Op::Log, _) => self.scaled(-range - 10.0, range).abs(),
+            (Op::Sinh | Op::Cosh, 0) => self.between(-0.7 * range, 0.7 * range),
+            (Op::Exp2, 0) => self.between(-range - digits, range),
+            (Op::Exp | Op::Exp2 | Op::Tanh, 1) => self.between(-1.0, 1.0),
+            (Op::Tanh, 0) => self.between(-20.0, 20.0),
+            (Op::Sinh | Op::Cosh | Op::Asinh, 1) => self.between(-2.0, 2.0),
+            (Op::Sinh | Op::Cosh | Op::Tanh | Op::Asinh | Op::Atanh, 2) => self.scaled(-digits, 3.0),
+            (Op::Atanh, 0 | 1) => self.between(-1.0, 1.0),
+            (Op::Atanh, _) => 1.0 - self.scaled(-digits, -1.0).abs(),
+            (Op::Acosh, 0) => 1.0 + self.scaled(-digits, 3.0).abs(),
+            (Op::Acosh, 1) => self.between(1.0, 4.0),
+            (Op::Acosh, _) => self.scaled(0.0, range).abs(),
+            (Op::Log | Op::Log2, 0) => 1.0 + self.scaled(-digits, -1.0),
+            (Op::Log | Op::Log2, 1) => self.between(0.5, 2.0),
+            (Op::Log | Op::Log2, _) => self.scaled(-range - 10.0, range).abs(),
             (Op::Asin | Op::Acos, 0 | 1) => self.between(-1.0, 1.0),
             (Op::Asin | Op::Acos, 2) => 1.0 - self.scaled(-digits, -1.0).abs(),
             (Op::Atan, 0 | 1) => self.between(-4.0, 4.0),
@@ -174,9 +197,10 @@ impl Random {
 /// Points whose neighbourhoods are swept densely: where ranges, octants and formulas meet.
 #[rustfmt::skip]
 const SPECIAL: &[f64] = &[
-    0.0, 0.25, 0.5, FRAC_1_SQRT_2, FRAC_PI_4, 1.0, SQRT_2, FRAC_PI_2, 2.0, 3.0 * FRAC_PI_4, 3.0, PI, 4.0, TAU,
-    87.336_54, 88.376_26, 88.722_84, 103.97, 252.898_21, 708.396, 709.78, 8192.0, 65_536.0, 1.175_494_4e-38,
-    2.225_073_858_507_201_4e-308, 3.4e38, 1.79e308,
+    0.0, 0.25, 0.5, 0.55, FRAC_1_SQRT_2, FRAC_PI_4, 0.9, 1.0, SQRT_2, FRAC_PI_2, 2.0, 3.0 * FRAC_PI_4, 3.0, PI, 4.0,
+    TAU, 9.01, 19.06, 20.0, 87.336_54, 88.376_26, 88.722_84, 89.415_99, 89.5, 103.97, 126.0, 128.0, 149.0, 150.0,
+    252.898_21, 708.396, 709.78, 710.475_86, 710.5, 745.13, 1022.0, 1024.0, 1074.0, 1075.0, 8192.0, 65_536.0,
+    1_152_921_504_606_846_976.0, 1.175_494_4e-38, 2.225_073_858_507_201_4e-308, 8.5e37, 1.7e38, 3.4e38, 4.49e307, 1.79e308,
 ];
 
 fn neighbours(p: Precision) -> impl Iterator<Item = f64> {
@@ -295,6 +319,9 @@ fn special_values_of_one_argument_are_exact() {
     assert_exact_unary(Op::Exp, &exp);
     let log = [(1.0, 0.0), (0.0, -INF), (-0.0, -INF), (-1.0, NAN), (-INF, NAN), (-1e-40, NAN), (INF, INF), (NAN, NAN)];
     assert_exact_unary(Op::Log, &log);
+    assert_exact_unary(Op::Log2, &log);
+    let exp2 = [(0.0, 1.0), (-0.0, 1.0), (INF, INF), (-INF, 0.0), (NAN, NAN), (1e30, INF), (-1e30, 0.0), (1e-40, 1.0)];
+    assert_exact_unary(Op::Exp2, &exp2);
     let undefined = [(INF, NAN), (-INF, NAN), (NAN, NAN)];
     for op in [Op::Sin, Op::Cos, Op::Tan, Op::Asin, Op::Acos] {
         assert_exact_unary(op, &undefined);
@@ -307,6 +334,62 @@ fn special_values_of_one_argument_are_exact() {
     let acos = [(1.0, 0.0), (-1.0, PI), (0.0, FRAC_PI_2), (-0.0, FRAC_PI_2), (1.000_001, NAN), (-1.000_001, NAN)];
     assert_exact_unary(Op::Acos, &acos);
     assert_exact_unary(Op::Atan, &[(INF, FRAC_PI_2), (-INF, -FRAC_PI_2), (NAN, NAN), (1.0, FRAC_PI_4)]);
+}
+
+#[test]
+fn powers_of_two_are_exact() {
+    let powers = [-1074, -1022, -149, -126, -100, -2, -1, 0, 1, 2, 52, 100, 127, 1023];
+    for p in PRECISIONS {
+        let (exp2, log2) = (fragment(Op::Exp2, Mode::Raw, p), fragment(Op::Log2, Mode::Raw, p));
+        let (mut exp2, mut log2) = (Kernel::new(Op::Exp2, p, &exp2), Kernel::new(Op::Log2, p, &log2));
+        for n in powers.map(f64::from) {
+            let power = p.round(n.exp2());
+            assert_eq!(exp2.at(n, 0.0), power, "{} exp2({n})", p.name());
+            if power > 0.0 && power.is_finite() {
+                assert_eq!(log2.at(power, 0.0), n, "{} log2({power:e})", p.name());
+            }
+        }
+    }
+}
+
+/// The limits of LANGUAGE 17.4 end at normal results, but subnormal numbers are numbers (17.1).
+#[test]
+fn subnormal_powers_are_within_a_unit() {
+    for (p, from, to, unit) in
+        [(Precision::F32, -151.0, -126.0, 2f64.powi(-149)), (Precision::F64, -1076.0, -1022.0, f64::from_bits(1))]
+    {
+        for (op, base) in [(Op::Exp, std::f64::consts::E), (Op::Exp2, 2.0), (Op::Pow, 3.0)] {
+            let graph = fragment(op, Mode::Raw, p);
+            let mut kernel = Kernel::new(op, p, &graph);
+            let mut seeds = Random(5);
+            for _ in 0..20_000 {
+                let exponent = p.round(seeds.between(from, to) / base.log2());
+                let (x, y) = if op == Op::Pow { (base, exponent) } else { (exponent, 0.0) };
+                let (got, want) = (kernel.at(x, y), p.round(reference(op, x, y)));
+                assert!((got - want).abs() <= unit, "{} {op}({x:e}, {y:e}) is {got:e}, not {want:e}", p.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn hyperbolic_functions_follow_c() {
+    for op in [Op::Sinh, Op::Tanh, Op::Asinh, Op::Atanh] {
+        let small = [0.0, 1e-40, 1e-38, 1e-30, 1e-20];
+        assert_exact_unary(op, &small.map(|x| (x, x)));
+        assert_exact_unary(op, &small.map(|x| (-x, -x)));
+        assert_exact_unary(op, &[(NAN, NAN)]);
+    }
+    assert_exact_unary(Op::Sinh, &[(INF, INF), (-INF, -INF), (1e30, INF), (-1e30, -INF)]);
+    let cosh = [(0.0, 1.0), (-0.0, 1.0), (1e-40, 1.0), (INF, INF), (-INF, INF), (1e30, INF), (NAN, NAN)];
+    assert_exact_unary(Op::Cosh, &cosh);
+    assert_exact_unary(Op::Tanh, &[(INF, 1.0), (-INF, -1.0), (1e30, 1.0), (-25.0, -1.0)]);
+    assert_exact_unary(Op::Asinh, &[(INF, INF), (-INF, -INF)]);
+    let acosh =
+        [(1.0, 0.0), (INF, INF), (-INF, NAN), (NAN, NAN), (0.0, NAN), (-1.0, NAN), (-3.0, NAN), (0.999_999, NAN)];
+    assert_exact_unary(Op::Acosh, &acosh);
+    let atanh = [(1.0, INF), (-1.0, -INF), (1.000_001, NAN), (-1.000_001, NAN), (3.0, NAN), (INF, NAN), (-INF, NAN)];
+    assert_exact_unary(Op::Atanh, &atanh);
 }
 
 #[test]
@@ -416,18 +499,20 @@ fn folding_preserves_bits() {
     }
 }
 
-/// sin and cos of one argument share the reduction and both polynomials.
+/// sin and cos of one argument share the reduction and both polynomials, sinh and cosh the power.
 #[test]
-fn sine_and_cosine_share() {
-    for p in PRECISIONS {
-        let mut b = Builder::new(Mode::Real(p), 100_000, &Unwatched);
-        let x = b.input("x", Scalar::Real);
-        for op in [Op::Sin, Op::Cos] {
-            let ops::Lowering::Fragment(kernel) = op.def().lowering else { panic!("{op} has no kernel") };
-            let result = kernel(&mut b, &[x], p);
-            b.output(op.def().name, result);
+fn pairs_share() {
+    for (one, other, more) in [(Op::Sin, Op::Cos, 3), (Op::Sinh, Op::Cosh, 1)] {
+        for p in PRECISIONS {
+            let mut b = Builder::new(Mode::Real(p), 100_000, &Unwatched);
+            let x = b.input("x", Scalar::Real);
+            for op in [one, other] {
+                let ops::Lowering::Fragment(kernel) = op.def().lowering else { panic!("{op} has no kernel") };
+                let result = kernel(&mut b, &[x], p);
+                b.output(op.def().name, result);
+            }
+            let both = b.finish().unwrap().operations();
+            assert!(both <= fragment(one, Mode::Real(p), p).operations() + more, "{one} {other}: {both}");
         }
-        let both = b.finish().unwrap().operations();
-        assert!(both <= fragment(Op::Sin, Mode::Real(p), p).operations() + 3, "{both}");
     }
 }

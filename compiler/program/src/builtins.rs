@@ -12,7 +12,7 @@ pub enum Group {
 
 macro_rules! builtins {
     ($( $id:ident $name:literal $group:ident $signature:literal $doc:literal; )+) => {
-        /// A built-in function that this version executes.
+        /// A built-in function, `diff` and `bound` excepted, which are instructions of their own.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Builtin { $( #[doc = $doc] $id, )+ }
 
@@ -28,7 +28,7 @@ macro_rules! builtins {
             #[must_use]
             pub const fn group(self) -> Group { match self { $( Self::$id => Group::$group, )+ } }
 
-            /// Its signature for messages; R real, V vector of reals, I int.
+            /// Its signature for messages; R real, V vector of reals, I int or vector of ints.
             #[must_use]
             pub const fn signature(self) -> &'static str { match self { $( Self::$id => $signature, )+ } }
         }
@@ -59,7 +59,15 @@ builtins! {
     Asin "asin" Core "asin(R | V)" "arc sine";
     Acos "acos" Core "acos(R | V)" "arc cosine";
     Atan "atan" Core "atan(R | V)" "arc tangent";
+    Sinh "sinh" Core "sinh(R | V)" "hyperbolic sine";
+    Cosh "cosh" Core "cosh(R | V)" "hyperbolic cosine";
+    Tanh "tanh" Core "tanh(R | V)" "hyperbolic tangent";
+    Asinh "asinh" Core "asinh(R | V)" "inverse hyperbolic sine";
+    Acosh "acosh" Core "acosh(R | V)" "inverse hyperbolic cosine";
+    Atanh "atanh" Core "atanh(R | V)" "inverse hyperbolic tangent";
     Atan2 "atan2" Core "atan2(y: R, x: R) -> R" "the angle of the point (x, y)";
+    Inverse "inverse" Core "inverse(matN) -> matN, also quat" "the matrix whose product with m is 1";
+    Invert "invert" Core "invert(matN) -> matN, also quat" "the same as `inverse`";
     Normalize "normalize" Extension "normalize(V) -> V, also quat" "a / ‖a‖, 0 where ‖a‖ computes 0";
     Distance "distance" Extension "distance(V, V) -> R" "‖a − b‖";
     Reflect "reflect" Extension "reflect(V, V) -> V" "i − 2n(n·i)";
@@ -69,26 +77,13 @@ builtins! {
     Saturate "saturate" Extension "saturate(R | V)" "clamp(a, 0, 1)";
     Trunc "trunc" Extension "trunc(R | V)" "toward zero";
     Log "log" Extension "log(R | V)" "the natural logarithm";
+    Log2 "log2" Extension "log2(R | V)" "the logarithm to the base 2";
+    Exp2 "exp2" Extension "exp2(R | V)" "2ᵃ";
     InverseSqrt "inversesqrt" Extension "inversesqrt(R | V)" "1/√a";
+    Transpose "transpose" Extension "transpose(matWxH) -> matHxW" "rows as columns";
+    Determinant "determinant" Extension "determinant(matN) -> R" "expansion along row 0";
     Quat "quat" Extension "quat(x, y, z, w) | quat(axis: vec3, angle: R)" "a quaternion";
     Conjugate "conjugate" Extension "conjugate(quat) -> quat" "(−u, w)";
     Rotate "rotate" Extension "rotate(quat, vec3) -> vec3" "v + 2 u×(u×v + wv)";
     ToMat3 "to_mat3" Extension "to_mat3(quat) -> mat3" "columns rotate(q, eₓ), rotate(q, e_y), rotate(q, e_z)";
 }
-
-/// Names of built-ins that parse and are answered with "not yet supported" (E1101), with their group.
-pub const LATER: &[(&str, Group)] = &[
-    ("bound", Group::Core),
-    ("inverse", Group::Core),
-    ("invert", Group::Core),
-    ("sinh", Group::Core),
-    ("cosh", Group::Core),
-    ("tanh", Group::Core),
-    ("asinh", Group::Core),
-    ("acosh", Group::Core),
-    ("atanh", Group::Core),
-    ("log2", Group::Extension),
-    ("exp2", Group::Extension),
-    ("transpose", Group::Extension),
-    ("determinant", Group::Extension),
-];

@@ -11,11 +11,12 @@ mod load;
 mod names;
 mod print;
 mod report;
+mod sound;
 mod suggest;
 pub mod typed;
 mod types;
 
-pub use builtins::{Builtin, Group, LATER};
+pub use builtins::{Builtin, Group};
 pub use check::{Checked, check};
 pub use load::{Loaded, Loader, Module, ModulePath, load};
 pub use print::print;

@@ -62,10 +62,12 @@ pub struct Module {
     pub path: ModulePath,
     /// The modules it imports, as indices of [`Loaded::modules`], in source order; those that failed are left out.
     pub imports: Vec<usize>,
+    /// Whether it imports something that could not be loaded, so that names it uses may be declared there.
+    pub incomplete: bool,
 }
 
-/// All files that a program consists of. If `diagnostics` holds an error, some items are missing, and checking
-/// would report names that only seem unknown.
+/// All files that a program consists of. If `diagnostics` holds an error, some items may be missing or incomplete;
+/// modules and trees know which.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Loaded {
     /// The texts.
@@ -90,6 +92,7 @@ pub fn load(entry_name: &str, entry: Vec<u8>, loader: &dyn Loader, limits: &Limi
     queue.extend(state.add(at, entry_name.to_owned(), entry, None));
     while let Some(index) = queue.pop_front() {
         if !state.follow(index, &mut queue) {
+            state.loaded.modules.iter_mut().for_each(|m| m.incomplete = true);
             break;
         }
     }
@@ -128,6 +131,7 @@ impl State<'_> {
                 Ok(at) => at,
                 Err(diagnostic) => {
                     self.loaded.diagnostics.push(*diagnostic);
+                    self.incomplete(index);
                     continue;
                 }
             };
@@ -146,11 +150,18 @@ impl State<'_> {
                     target
                 }
             };
-            if let (Some(target), Some(module)) = (target, self.loaded.modules.get_mut(index)) {
-                module.imports.push(target);
+            match (target, self.loaded.modules.get_mut(index)) {
+                (Some(target), Some(module)) => module.imports.push(target),
+                _ => self.incomplete(index),
             }
         }
         true
+    }
+
+    fn incomplete(&mut self, index: usize) {
+        if let Some(module) = self.loaded.modules.get_mut(index) {
+            module.incomplete = true;
+        }
     }
 
     /// The rules of LANGUAGE 10.2. A path without `self` whose first element is no library is relative to the
@@ -278,7 +289,8 @@ impl State<'_> {
         let index = self.loaded.modules.len();
         self.known.insert(at.clone(), Some(index));
         let library = at.library.clone();
-        self.loaded.modules.push(Module { file, tree: parsed.tree, library, path: at, imports: Vec::new() });
+        let module = Module { file, tree: parsed.tree, library, path: at, imports: Vec::new(), incomplete: false };
+        self.loaded.modules.push(module);
         Some(index)
     }
 

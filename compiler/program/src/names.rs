@@ -1,7 +1,7 @@
 //! Global names: which item a name means in a file of the program or of a library (LANGUAGE 6.1, 6.3, 10.5).
 //! Knows nothing of local variables and of types.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use isograd_syntax::{
     Code, Diagnostic, Files, Span,
@@ -9,7 +9,7 @@ use isograd_syntax::{
 };
 
 use crate::{
-    Builtin, Group, LATER,
+    Builtin, Group,
     load::Module,
     report::Report,
     typed::{ConceptId, DefinitionId, FunctionId},
@@ -33,6 +33,10 @@ struct Space<'a> {
     functions: BTreeMap<&'a str, FunctionId>,
     /// The first declaration of each name, by kind.
     declared: BTreeMap<(&'a str, Kind), Span>,
+    /// A file that this name space imports could not be loaded: any name may be declared there.
+    incomplete: bool,
+    /// Names in text between items that could not be read: they may be declared there.
+    lost: BTreeSet<&'a str>,
 }
 
 /// What is looked for under a name.
@@ -52,6 +56,10 @@ pub(crate) struct Names<'a> {
     pub definitions: Vec<Place>,
     pub functions: Vec<Place>,
     pub impls: Vec<Place>,
+    /// Declared twice, or with parameters that could not be read: what a use must look like is unknown.
+    pub doubtful_concepts: BTreeSet<ConceptId>,
+    pub doubtful_definitions: BTreeSet<DefinitionId>,
+    pub doubtful_functions: BTreeSet<FunctionId>,
 }
 
 /// What a name was found to mean.
@@ -78,8 +86,8 @@ pub(crate) enum Callee {
     Builtin(Builtin),
     /// `diff`, whose value is an instruction of its own.
     Diff,
-    /// A built-in that this version does not execute.
-    Later,
+    /// `bound`, likewise.
+    Bound,
 }
 
 impl<'a> Names<'a> {
@@ -92,6 +100,9 @@ impl<'a> Names<'a> {
             definitions: Vec::new(),
             functions: Vec::new(),
             impls: Vec::new(),
+            doubtful_concepts: BTreeSet::new(),
+            doubtful_definitions: BTreeSet::new(),
+            doubtful_functions: BTreeSet::new(),
         };
         for module in modules {
             let library = module.library.as_deref();
@@ -103,6 +114,10 @@ impl<'a> Names<'a> {
         }
         for (index, module) in modules.iter().enumerate() {
             let own = names.space(index);
+            if let Some(space) = names.spaces.get_mut(own) {
+                space.incomplete |= module.incomplete;
+                space.lost.extend(module.tree.lost.iter().map(|n| n.text.as_str()));
+            }
             for import in &module.imports {
                 let target = names.space(*import);
                 if let Some(space) = names.spaces.get_mut(own)
@@ -118,6 +133,32 @@ impl<'a> Names<'a> {
         }
         names.hidden(report);
         names
+    }
+
+    /// Whether a name that was not found may be declared in text that could not be read.
+    pub fn may_exist(&self, space: usize, name: &str) -> bool {
+        self.in_reach(space).any(|s| s.incomplete || s.lost.contains(name))
+    }
+
+    /// Whether a use of what was found may mean another declaration, or one whose parameters could not be read.
+    pub fn is_doubtful(&self, callee: Callee) -> bool {
+        match callee {
+            Callee::Definition(id) => self.doubtful_definitions.contains(&id),
+            Callee::Function(id) => self.doubtful_functions.contains(&id),
+            _ => false,
+        }
+    }
+
+    /// Whether impls may stand in text that could not be read.
+    pub fn may_lack_impls(&self) -> bool {
+        self.spaces.iter().any(|s| s.incomplete || !s.lost.is_empty())
+    }
+
+    /// The name space itself and those it imports.
+    fn in_reach(&self, space: usize) -> impl Iterator<Item = &Space<'a>> {
+        let own = self.spaces.get(space);
+        let imports = own.map_or(&[][..], |s| s.imports.as_slice());
+        own.into_iter().chain(imports.iter().filter_map(|i| self.spaces.get(*i)))
     }
 
     /// The name space of a module.
@@ -140,6 +181,11 @@ impl<'a> Names<'a> {
         let Some(space) = self.spaces.get_mut(own) else { return };
         let first = space.first(kind, name, report);
         let text = name.text.as_str();
+        if !first {
+            self.doubtful_concepts.extend(space.concepts.get(text));
+            self.doubtful_definitions.extend(space.definitions.get(text));
+            self.doubtful_functions.extend(space.functions.get(text));
+        }
         match kind {
             Kind::Concept => {
                 if first {
@@ -260,9 +306,7 @@ impl<'a> Names<'a> {
 
     /// All names of a kind that can be reached, for suggestions.
     pub fn candidates(&self, space: usize, kind: Kind) -> Vec<&'a str> {
-        let Some(own) = self.spaces.get(space) else { return Vec::new() };
-        let all = std::iter::once(own).chain(own.imports.iter().filter_map(|i| self.spaces.get(*i)));
-        all.flat_map(|s| s.declared.keys().filter(|(_, k)| *k == kind).map(|(n, _)| *n)).collect()
+        self.in_reach(space).flat_map(|s| s.declared.keys().filter(|(_, k)| *k == kind).map(|(n, _)| *n)).collect()
     }
 
     /// The concepts of the program together with those of the same name in its libraries.
@@ -327,18 +371,20 @@ impl<'a> Space<'a> {
 
 /// The built-in of the core with this name.
 fn core(name: &str) -> Option<Callee> {
-    if name == "diff" { Some(Callee::Diff) } else { builtin(name, Group::Core) }
+    match name {
+        "diff" => Some(Callee::Diff),
+        "bound" => Some(Callee::Bound),
+        _ => builtin(name, Group::Core),
+    }
 }
 
 fn builtin(name: &str, group: Group) -> Option<Callee> {
-    let now = Builtin::ALL.iter().find(|b| b.group() == group && b.name() == name);
-    let later = || LATER.iter().find(|(n, g)| *g == group && *n == name);
-    now.map(|b| Callee::Builtin(*b)).or_else(|| later().map(|_| Callee::Later))
+    Builtin::ALL.iter().find(|b| b.group() == group && b.name() == name).map(|b| Callee::Builtin(*b))
 }
 
 /// The names of all built-in functions.
 pub(crate) fn builtin_names<'a>() -> impl Iterator<Item = &'a str> {
-    Builtin::ALL.iter().map(|b| b.name()).chain(LATER.iter().map(|(n, _)| *n)).chain(["diff"])
+    Builtin::ALL.iter().map(|b| b.name()).chain(["diff", "bound"])
 }
 
 fn count(list: &[Place]) -> u32 {

@@ -43,6 +43,14 @@ fn function(out: &mut String, program: &Program, function: &Function, export: bo
     let export = if export { "export " } else { "" };
     let params: Vec<String> = function.params.iter().map(|p| format!("{}: {}", p.name, p.ty)).collect();
     let _ = writeln!(out, "\n{export}fn {}({}) -> {}", function.name, params.join(", "), function.result);
+    for param in &function.params {
+        let default = param.default.iter().map(|c| ("default", c));
+        let range = param.range.iter().flat_map(|(lo, hi)| [("from", lo), ("to", hi)]);
+        for (what, constant) in default.chain(range) {
+            let steps = constant.code.instructions.iter().map(|(i, _)| line(program, &constant.code, i));
+            let _ = writeln!(out, "  {} {what}: {}", param.name, steps.collect::<Vec<_>>().join(", "));
+        }
+    }
     code(out, program, &function.code);
 }
 
@@ -118,6 +126,15 @@ fn line(program: &Program, code: &Code, instruction: &Instruction) -> String {
             format!("Builtin {}({})", builtin.name(), args.join(", "))
         }
         Instruction::Diff => "Diff".to_owned(),
+        Instruction::Bound { value, by } => format!("Bound {value} by {by}"),
+        Instruction::Interval(ty) => format!("Interval {ty}"),
+        Instruction::PackIntervals(n) => format!("PackIntervals {n}"),
+        Instruction::SplatInterval(n) => format!("SplatInterval {n}"),
+        Instruction::End { ty, upper } => format!("{} {ty}", if *upper { "End" } else { "Start" }),
+        Instruction::PickInterval { ends, offset, length } => {
+            format!("PickInterval {offset}..{} of {ends}", offset + length)
+        }
+        Instruction::MayBeNan => "MayBeNan".to_owned(),
         Instruction::Call(id) => {
             format!("Call {}", program.functions.get(id.0 as usize).map_or("?", |f| &f.name))
         }

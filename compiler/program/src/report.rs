@@ -8,13 +8,14 @@ use isograd_syntax::{Diagnostic, Limits};
 pub struct Report {
     diagnostics: Vec<Diagnostic>,
     errors: u64,
+    muted: u64,
     omitted: u64,
     limit: u64,
 }
 
 impl Report {
     pub fn new(limits: &Limits) -> Self {
-        Self { diagnostics: Vec::new(), errors: 0, omitted: 0, limit: limits.diagnostics }
+        Self { diagnostics: Vec::new(), errors: 0, muted: 0, omitted: 0, limit: limits.diagnostics }
     }
 
     /// Adds one.
@@ -28,9 +29,14 @@ impl Report {
         }
     }
 
-    /// How many errors there were so far.
-    pub const fn errors(&self) -> u64 {
-        self.errors
+    /// Notes something wrong that follows from what was reported, or may follow from it, and is not said again.
+    pub fn mute(&mut self) {
+        self.muted += 1;
+    }
+
+    /// Grows with everything that is wrong, whether it is said or not.
+    pub const fn trouble(&self) -> u64 {
+        self.errors + self.muted
     }
 
     /// Whether another error would be shown, so that a costly message is worth it.

@@ -1,6 +1,8 @@
 //! The typed program: what elaboration reads. Names are resolved to ids and slots, types are known, and each body
 //! is linear stack code, so that nothing downstream recurses over a program. Knows nothing of graphs.
 
+use std::collections::BTreeSet;
+
 use isograd_syntax::Span;
 use rustc_hash::FxHashMap;
 
@@ -43,6 +45,23 @@ pub struct Program {
     pub functions: Vec<Function>,
     /// The exported functions of the program, in source order.
     pub exports: Vec<FunctionId>,
+    /// What has errors, if there are any.
+    pub unsound: Unsound,
+}
+
+/// What has errors and must not be elaborated. Empty in a program without errors.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Unsound {
+    /// Functions with an error in their head or body.
+    pub functions: BTreeSet<FunctionId>,
+    /// Definitions whose declaration has an error.
+    pub definitions: BTreeSet<DefinitionId>,
+    /// Concepts whose declaration has an error.
+    pub concepts: BTreeSet<ConceptId>,
+    /// Impls with an error in their head or body.
+    pub impls: BTreeSet<ImplId>,
+    /// Impls that exist in the source but not here, as far as node and concept are known.
+    pub lost_impls: Vec<(Option<DefinitionId>, Option<ConceptId>)>,
 }
 
 /// `concept C: S -> T;`
@@ -80,6 +99,29 @@ pub struct Param {
     pub name: String,
     /// Its type.
     pub ty: Type,
+    /// Its default (LANGUAGE 9.3); parameters of exports only, like the range.
+    pub default: Option<Constant>,
+    /// The ends of its range.
+    pub range: Option<(Constant, Constant)>,
+}
+
+impl Param {
+    /// A parameter without default and range.
+    #[must_use]
+    pub const fn new(name: String, ty: Type) -> Self {
+        Self { name, ty, default: None, range: None }
+    }
+}
+
+/// A constant expression: its code has no slots, brackets, calls and nodes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constant {
+    /// Leaves its value.
+    pub code: Code,
+    /// Its type.
+    pub ty: Type,
+    /// Where it is written.
+    pub span: Span,
 }
 
 /// `impl N<operands> for C(p) { … }`. The first slots of its code hold, in this order, the concept's argument(s)
@@ -178,12 +220,38 @@ pub enum Instruction {
     Binary {
         /// The operator.
         op: isograd_syntax::tree::BinaryOp,
-        /// The type of a.
+        /// The type of a. If only one side is an interval, the other one is read as an interval of one point
+        /// (LANGUAGE 4.2).
         left: Type,
         /// The type of b.
         right: Type,
     },
-    /// Pops the arguments, pushes the built-in's value (LANGUAGE 5). `diff` is an instruction of its own.
+    /// Pops lo, hi, both of this type, pushes the interval (LANGUAGE 3.5).
+    Interval(Type),
+    /// Pops n intervals of reals, pushes the interval of the vectors of their ends (a list).
+    PackIntervals(u32),
+    /// Pops an interval of reals, pushes the interval of the vectors of n times its ends (`[i; n]`).
+    SplatInterval(u32),
+    /// Pops an interval, pushes its lower or upper end.
+    End {
+        /// The type of the end.
+        ty: Type,
+        /// Whether it is the upper one.
+        upper: bool,
+    },
+    /// Pops an interval, pushes the interval of `length` scalars of each end from `offset` on (component access).
+    PickInterval {
+        /// Scalars of one end.
+        ends: u32,
+        /// First scalar of an end.
+        offset: u32,
+        /// How many.
+        length: u32,
+    },
+    /// Pops an interval, pushes whether it may be NaN (LANGUAGE 15.6).
+    MayBeNan,
+    /// Pops the arguments, pushes the built-in's value (LANGUAGE 5). `diff` and `bound` are instructions of their
+    /// own. If one argument is an interval, all are.
     Builtin {
         /// Which.
         builtin: Builtin,
@@ -193,6 +261,13 @@ pub enum Instruction {
     /// Pops e, wrt, pushes the derivative with one scalar per pair: for each scalar of wrt, for each of e
     /// (LANGUAGE 13.1).
     Diff,
+    /// Pops e, dyn, iv, pushes the enclosure of e with iv in the place of dyn (LANGUAGE 15.3).
+    Bound {
+        /// The type of e.
+        value: Type,
+        /// The type of dyn and of the ends of iv.
+        by: Type,
+    },
     /// Pops the arguments, calls, pushes the result. Passing binds as `Store` does.
     Call(FunctionId),
     /// Pops the definition's arguments, then `subtrees` csg values, pushes a csg node.

@@ -13,6 +13,8 @@ pub enum Type {
     Bool,
     /// `vecN` of reals, 2 to 4.
     Vector(u8),
+    /// `vecN<int>`, 2 to 4.
+    IntVector(u8),
     /// `matWxH`: columns, rows; 2 to 4 each.
     Matrix {
         /// W.
@@ -24,6 +26,8 @@ pub enum Type {
     Quat,
     /// A tuple; the empty one is the source of a concept without source.
     Tuple(Vec<Type>),
+    /// `interval<T>`; T is what [`Type::is_end`] allows.
+    Interval(Box<Type>),
     /// A csg tree.
     Csg,
     /// Reported elsewhere.
@@ -50,6 +54,8 @@ impl Type {
             Self::Int => vec![ScalarKind::Int],
             Self::Bool => vec![ScalarKind::Bool],
             Self::Vector(_) | Self::Matrix { .. } | Self::Quat => vec![ScalarKind::Real; self.len() as usize],
+            Self::IntVector(n) => vec![ScalarKind::Int; usize::from(*n)],
+            Self::Interval(inner) => [inner.scalars(), inner.scalars()].concat(),
             Self::Tuple(elements) => elements.iter().flat_map(Self::scalars).collect(),
             Self::Csg | Self::Error => Vec::new(),
         }
@@ -60,7 +66,8 @@ impl Type {
     pub fn len(&self) -> u32 {
         match self {
             Self::Real | Self::Int | Self::Bool => 1,
-            Self::Vector(n) => u32::from(*n),
+            Self::Vector(n) | Self::IntVector(n) => u32::from(*n),
+            Self::Interval(inner) => 2 * inner.len(),
             Self::Matrix { columns, rows } => u32::from(*columns) * u32::from(*rows),
             Self::Quat => 4,
             Self::Tuple(elements) => elements.iter().map(Self::len).sum(),
@@ -74,14 +81,54 @@ impl Type {
         self.len() == 0
     }
 
-    /// Names of the flattened scalars below `root`: `at.x`, `m.x.y`, `t.0.z`; the root itself for a scalar.
+    /// Whether it is `int` or a vector of ints.
+    #[must_use]
+    pub const fn is_int(&self) -> bool {
+        matches!(self, Self::Int | Self::IntVector(_))
+    }
+
+    /// Whether there are intervals with ends of this type (LANGUAGE 3.1).
+    #[must_use]
+    pub const fn is_end(&self) -> bool {
+        matches!(self, Self::Real | Self::Int | Self::Vector(_) | Self::Matrix { .. })
+    }
+
+    /// The type of the ends of an interval; another type itself.
+    #[must_use]
+    pub fn ends(&self) -> &Self {
+        match self {
+            Self::Interval(inner) => inner,
+            other => other,
+        }
+    }
+
+    /// The interval with ends of this type.
+    #[must_use]
+    pub fn interval(self) -> Self {
+        Self::Interval(Box::new(self))
+    }
+
+    /// Whether it is an interval or a tuple that holds one somewhere.
+    #[must_use]
+    pub fn has_interval(&self) -> bool {
+        match self {
+            Self::Interval(_) => true,
+            Self::Tuple(elements) => elements.iter().any(Self::has_interval),
+            _ => false,
+        }
+    }
+
+    /// Names of the flattened scalars below `root`: `at.x`, `m.x.y`, `t.0.z`, `i.start`; the root itself for a scalar.
     #[must_use]
     pub fn columns(&self, root: &str) -> Vec<String> {
         const FIELDS: [&str; 4] = ["x", "y", "z", "w"];
         let fields = |n: u8| FIELDS.iter().take(usize::from(n)).map(|f| format!("{root}.{f}"));
         match self {
             Self::Real | Self::Int | Self::Bool => vec![root.to_owned()],
-            Self::Vector(n) => fields(*n).collect(),
+            Self::Vector(n) | Self::IntVector(n) => fields(*n).collect(),
+            Self::Interval(inner) => {
+                ["start", "end"].into_iter().flat_map(|end| inner.columns(&format!("{root}.{end}"))).collect()
+            }
             Self::Quat => fields(4).collect(),
             Self::Matrix { columns, rows } => fields(*columns).flat_map(|c| Self::Vector(*rows).columns(&c)).collect(),
             Self::Tuple(elements) => {
@@ -99,6 +146,8 @@ impl fmt::Display for Type {
             Self::Int => f.write_str("int"),
             Self::Bool => f.write_str("bool"),
             Self::Vector(n) => write!(f, "vec{n}"),
+            Self::IntVector(n) => write!(f, "vec{n}<int>"),
+            Self::Interval(inner) => write!(f, "interval<{inner}>"),
             Self::Matrix { columns, rows } if columns == rows => write!(f, "mat{columns}"),
             Self::Matrix { columns, rows } => write!(f, "mat{columns}x{rows}"),
             Self::Quat => f.write_str("quat"),

@@ -414,3 +414,45 @@ fn functions_keep_their_documentation_and_head() {
     assert_eq!(f.doc.as_deref(), Some("A ball.\nRound."));
     assert_eq!(loaded.files.text(f.span), "export fn ball(p: vec3) -> real");
 }
+
+#[test]
+fn intervals_and_metadata_have_instructions_of_their_own() {
+    lists(
+        "f(a: real = 1.0 in [-2.0 .. PI], i: interval<vec2> = [[0.0; 2] .. [1.0; 2]]) -> (real, bool)",
+        "let j = bound([a, a], a, [a .. 1.0]) - i; let k = [j.y; 3]; ([k.x, j.x].1.x + j.end.y, k.may_be_nan)",
+        "
+        a default: Real 1.0
+        a from: Real 2.0, Neg real
+        a to: Real 3.141592653589793
+        i default: Real 0.0, Splat 2, Real 1.0, Splat 2, Interval vec2
+        Load a#0
+        Load a#0
+        Pack 2
+        Load a#0
+        Load a#0
+        Real 1.0
+        Interval real
+        Bound vec2 by real
+        Load i#1
+        interval<vec2> - interval<vec2>
+        Store j#2: interval<vec2>
+        Load j#2
+        PickInterval 1..2 of 2
+        SplatInterval 3
+        Store k#3: interval<vec3>
+        Load k#3
+        PickInterval 0..1 of 3
+        Load j#2
+        PickInterval 0..1 of 2
+        PackIntervals 2
+        End vec2
+        Pick 0..1
+        Load j#2
+        End vec2
+        Pick 1..2
+        real + real
+        Load k#3
+        MayBeNan
+        Pack 2",
+    );
+}

@@ -1,9 +1,12 @@
 //! Diagnostics as data: code, severity, message, labelled spans, notes and help. Renderers are elsewhere.
 
+use std::fmt;
+use std::str::FromStr;
+
 use crate::Span;
 
 macro_rules! codes {
-    ($( $code:ident $title:literal; )+) => {
+    ($dollar:tt $( $code:ident $title:literal; )+) => {
         /// Every diagnostic of the language (LANGUAGE 19). Codes are stable.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Code { $( #[doc = $title] $code, )+ }
@@ -20,10 +23,18 @@ macro_rules! codes {
             #[must_use]
             pub const fn title(self) -> &'static str { match self { $( Self::$code => $title, )+ } }
         }
+
+        /// Calls the macro `with` on the names of all codes, so that another crate can hold something for each of
+        /// them and does not compile while one is missing.
+        #[macro_export]
+        macro_rules! for_each_code {
+            ($dollar with:ident) => { $dollar with! { $( $code )+ } };
+        }
     };
 }
 
 codes! {
+    $
     E0101 "not UTF-8";
     E0102 "character that starts no token";
     E0103 "malformed number";
@@ -76,7 +87,14 @@ codes! {
     E0701 "diff of something not differentiable";
     E0702 "diff with respect to something that is no variable";
     E0705 "diff in a loop whose order would grow";
+    E0801 "bound of something that has no enclosure";
+    E0802 "variable and interval of bound do not fit";
+    E0803 "third argument of bound is no interval";
+    E0804 "operation that intervals do not have";
     E0901 "csg in the signature of an export";
+    E0902 "default or range that is not constant";
+    E0903 "range reversed or default outside it";
+    E0904 "default or range where none is allowed";
     E1001 "source file too large";
     E1002 "sources too large";
     E1003 "too many modules";
@@ -103,7 +121,66 @@ codes! {
     W0602 "csg loop unrolled many times";
     W0603 "outdated form";
     W0701 "derivative is always 0";
+    W0801 "constant interval with start > end";
     W0901 "unknown attribute";
+}
+
+impl fmt::Display for Code {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// A text that is no code.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UnknownCode {
+    /// The text.
+    pub text: String,
+    /// The codes whose numbers are nearest to its number, the nearest first; none if it has no number.
+    pub near: Vec<Code>,
+}
+
+impl fmt::Display for UnknownCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "there is no diagnostic `{}`", self.text)?;
+        let near: Vec<&str> = self.near.iter().map(|c| c.name()).collect();
+        match near.as_slice() {
+            [] => f.write_str(": a code is E or W and four digits, `E0401`"),
+            [one] => write!(f, ": near it is {one}"),
+            [first @ .., last] => write!(f, ": near it are {} and {last}", first.join(", ")),
+        }
+    }
+}
+
+impl std::error::Error for UnknownCode {}
+
+/// How many codes [`UnknownCode`] proposes, and how far their numbers may be away.
+const NEAR: (usize, u32) = (3, 100);
+
+impl FromStr for Code {
+    type Err = UnknownCode;
+
+    /// Upper and lower case are the same.
+    fn from_str(text: &str) -> Result<Self, UnknownCode> {
+        let text = text.trim();
+        if let Some(code) = Self::ALL.iter().find(|c| c.name().eq_ignore_ascii_case(text)) {
+            return Ok(*code);
+        }
+        let digits = text.trim_start_matches(|c: char| c.is_ascii_alphabetic());
+        let wanted = Some(digits).filter(|d| text.len() - d.len() <= 1).and_then(|d| d.parse::<u32>().ok());
+        let letter = text.chars().next().map(|c| c.to_ascii_uppercase());
+        let mut near: Vec<_> = Self::ALL
+            .iter()
+            .filter_map(|&code| {
+                let number = code.name().get(1..)?.parse::<u32>().ok()?;
+                let away = number.abs_diff(wanted?);
+                (away <= NEAR.1).then_some((away, code.name().chars().next() != letter, code))
+            })
+            .collect();
+        near.sort_unstable();
+        let near = near.into_iter().take(NEAR.0).map(|(_, _, code)| code).collect();
+        Err(UnknownCode { text: text.to_owned(), near })
+    }
 }
 
 /// How bad it is. An error stops the compilation at the end of the phase; a warning does not.
@@ -192,5 +269,29 @@ impl Diagnostic {
     #[must_use]
     pub fn is_error(&self) -> bool {
         self.code.severity() == Severity::Error
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Code;
+
+    #[test]
+    fn codes_are_read_in_any_case() {
+        for code in Code::ALL {
+            assert_eq!(code.name().parse(), Ok(*code));
+            assert_eq!(format!(" {} ", code.name().to_lowercase()).parse(), Ok(*code));
+        }
+    }
+
+    #[test]
+    fn an_unknown_code_names_near_ones() {
+        let near = |text: &str| text.parse::<Code>().unwrap_err().to_string();
+        assert_eq!(near("e0400"), "there is no diagnostic `e0400`: near it are E0401, W0401 and E0402");
+        assert_eq!(near("W0413"), "there is no diagnostic `W0413`: near it are E0412, E0411 and E0410");
+        assert_eq!(near("401"), "there is no diagnostic `401`: near it are E0401, W0401 and E0402");
+        assert_eq!(near("E9999"), "there is no diagnostic `E9999`: a code is E or W and four digits, `E0401`");
+        assert_eq!(near("type"), "there is no diagnostic `type`: a code is E or W and four digits, `E0401`");
+        assert_eq!(near("É0401"), "there is no diagnostic `É0401`: a code is E or W and four digits, `E0401`");
     }
 }

@@ -7,6 +7,7 @@
 )]
 
 mod diagnostic;
+mod format;
 pub mod lexer;
 mod limits;
 mod parser;
@@ -16,7 +17,8 @@ mod sink;
 mod span;
 pub mod tree;
 
-pub use diagnostic::{Code, Diagnostic, Label, Severity};
+pub use diagnostic::{Code, Diagnostic, Label, Severity, UnknownCode};
+pub use format::format;
 pub use limits::{Limit, Limits};
 pub use parser::{Parsed, parse};
 pub use print::print;

@@ -269,6 +269,7 @@ fn expr(expr: &Expr) -> Vec<Part<'_>> {
             parts.extend([P::Str(" in "), P::Expr(*lo), P::Str(" .. "), P::Expr(*hi)]);
             nested(&mut parts, std::slice::from_ref(body));
         }
+        ExprKind::Partial(inner) => parts.extend([P::Str("<error> "), P::Expr(*inner)]),
         ExprKind::Error => parts.push(P::Str("<error>")),
     }
     parts

@@ -42,6 +42,10 @@ pub struct Tree {
     pub blocks: Vec<Block>,
     /// Types.
     pub types: Vec<TypeExpr>,
+    /// Names in text that was skipped inside of items, in source order: they may have been defined there.
+    pub skipped: Vec<Ident>,
+    /// Names in text that was skipped between items, likewise: they may have been declared there.
+    pub lost: Vec<Ident>,
 }
 
 /// `#[name(args)]`.
@@ -66,6 +70,19 @@ pub struct Item {
     pub kind: ItemKind,
     /// All of it, without doc comment and attributes.
     pub span: Span,
+    /// What of it could not be read.
+    pub faults: Faults,
+}
+
+/// Where an item has syntax errors, which decides what can still be said about it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Faults {
+    /// In its parameters, operands or result: they may be incomplete.
+    pub head: bool,
+    /// Somewhere: values and statements may be missing.
+    pub any: bool,
+    /// In its brackets or blocks: what belongs into which scope is a guess.
+    pub nesting: bool,
 }
 
 /// What an item is.
@@ -335,6 +352,8 @@ pub enum ExprKind {
         /// The body.
         body: BlockId,
     },
+    /// The beginning of something that could not be read to its end; reported. What it would have been is unknown.
+    Partial(ExprId),
     /// Could not be read; reported.
     Error,
 }

@@ -204,6 +204,115 @@ fn json_values() {
 }
 
 #[test]
+fn sarif_log() {
+    let (files, diagnostic) = two_files();
+    let global = Diagnostic::global(Code::E1011, "late");
+    let warning = Diagnostic::new(Code::W0501, Span::new(FileId(0), 14, 41), "value dropped");
+    let mut odd = Files::default();
+    odd.add("/tmp/größe 100%.vola", "x");
+    let diagnostics = [diagnostic, warning, global];
+    let other = [Diagnostic::new(Code::E0302, Span::new(FileId(0), 0, 1), "m")];
+    let found = render::sarif(&[(&diagnostics, &files), (&other, &odd)]);
+    let rule = |id: &str, title: &str, level: &str| {
+        serde_json::json!({
+            "id": id,
+            "shortDescription": { "text": title },
+            "help": { "text": format!("`isograd explain {id}` shows an example and how to mend it.") },
+            "defaultConfiguration": { "level": level },
+        })
+    };
+    let physical = |uri: &str, lines: [u32; 2], columns: [u32; 2]| {
+        serde_json::json!({
+            "artifactLocation": { "uri": uri },
+            "region": {
+                "startLine": lines[0], "startColumn": columns[0], "endLine": lines[1], "endColumn": columns[1],
+            },
+        })
+    };
+    let expected = serde_json::json!({
+        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
+        "version": "2.1.0",
+        "runs": [{
+            "tool": { "driver": {
+                "name": "isograd",
+                "semanticVersion": env!("CARGO_PKG_VERSION"),
+                "rules": [
+                    rule("E0302", Code::E0302.title(), "error"),
+                    rule("E1011", Code::E1011.title(), "error"),
+                    rule("W0501", Code::W0501.title(), "warning"),
+                ],
+            } },
+            "columnKind": "unicodeCodePoints",
+            "results": [
+                {
+                    "ruleId": "E0302",
+                    "ruleIndex": 0,
+                    "level": "error",
+                    "message": {
+                        "text": "`Ball` is defined twice\nnote: entities share a name space\nhelp: rename one"
+                    },
+                    "locations": [{
+                        "physicalLocation": physical("std/b.vola", [2, 2], [8, 12]),
+                        "message": { "text": "second definition" },
+                    }],
+                    "relatedLocations": [
+                        {
+                            "physicalLocation": physical("a.vola", [1, 1], [8, 12]),
+                            "message": { "text": "first definition" },
+                        },
+                        {
+                            "physicalLocation": physical("a.vola", [2, 2], [22, 26]),
+                            "message": { "text": "used here" },
+                        },
+                    ],
+                },
+                {
+                    "ruleId": "W0501",
+                    "ruleIndex": 2,
+                    "level": "warning",
+                    "message": { "text": "value dropped" },
+                    "locations": [{ "physicalLocation": physical("a.vola", [1, 2], [15, 24]) }],
+                },
+                { "ruleId": "E1011", "ruleIndex": 1, "level": "error", "message": { "text": "late" } },
+                {
+                    "ruleId": "E0302",
+                    "ruleIndex": 0,
+                    "level": "error",
+                    "message": { "text": "m" },
+                    "locations": [
+                        { "physicalLocation": physical("file:///tmp/gr%C3%B6%C3%9Fe%20100%25.vola", [1, 1], [1, 2]) },
+                    ],
+                },
+            ],
+        }],
+    });
+    assert_eq!(found, expected);
+    assert_eq!(render::sarif(&[])["runs"][0]["results"], serde_json::json!([]), "nothing found is a run as well");
+}
+
+#[test]
+fn github_annotations() {
+    let (files, diagnostic) = two_files();
+    let wide = Diagnostic::new(Code::W0501, Span::new(FileId(0), 14, 41), "100% of\r\nit: a, b").help("50%");
+    let expected = "\
+::error file=std/b.vola,line=2,col=8,endLine=2,endColumn=12,title=E0302 defined twice::`Ball` is defined twice%0A\
+second definition%0Aa.vola:1:8: first definition%0Aa.vola:2:22: used here%0Anote: entities share a name space%0A\
+help: rename one
+::warning file=a.vola,line=1,endLine=2,title=W0501 value dropped::100%25 of%0D%0Ait: a, b%0Ahelp: 50%25
+::error title=E1011 compilation took too long::late
+";
+    let global = Diagnostic::global(Code::E1011, "late");
+    assert_eq!(render::github(&[diagnostic, wide, global], &files), expected);
+    let mut odd = Files::default();
+    odd.add("a:b,c%.vola", "x");
+    let odd = render::github(&[Diagnostic::new(Code::E0301, Span::new(FileId(0), 0, 1), "m")], &odd);
+    assert_eq!(
+        odd,
+        "::error file=a%3Ab%2Cc%25.vola,line=1,col=1,endLine=1,endColumn=2,title=E0301 name not found::m\n"
+    );
+}
+
+#[test]
 fn any_span_can_be_shown() {
     let texts = ["", "\n", "é", "a\r\nb\r\n", "\t\u{1b}x\u{0}\n\n\n", "日本語 𝕏 a\u{301}"];
     for text in texts {
@@ -216,7 +325,10 @@ fn any_span_can_be_shown() {
                     let d =
                         Diagnostic::new(Code::E0201, span, "m").here("h").label(Span::new(FileId(0), end, start), "");
                     assert!(render::terminal(std::slice::from_ref(&d), &files, false).contains("E0201"));
-                    assert_eq!(render::json(&[d], &files)[0]["code"], "E0201");
+                    let shown = std::slice::from_ref(&d);
+                    assert_eq!(render::json(shown, &files)[0]["code"], "E0201");
+                    assert_eq!(render::github(shown, &files).lines().count(), 1);
+                    assert_eq!(render::sarif(&[(shown, &files)])["runs"][0]["results"][0]["ruleId"], "E0201");
                 }
             }
         }

@@ -122,20 +122,7 @@ proptest! {
     }
 }
 
-const WHOLE: &str = "/// Doc.
-module std::prelude;
-#[define(no_identity)] operation O(a: real, b: (vec2<int>, real));
-concept C: vec3 -> interval<vec3<real>>;
-impl O<l, r> for C(p) { min(eval l.C(p), eval r.C(p - [1.0; 3])) }
-export fn f(p: vec3 = [0.0; 3] in [-1.0 .. 1.0], n: int) -> (real, int) {
-    csg t = O(1.0, (p.x, 2)){ Ball() }{ let k = 1; Plus(k) };
-    let r = for v = 0 in 0..n { v = v + 1; };
-    for i in 0..n { if i == 2 && !(r >= 3) || p.0 < -1.0 { r = r * 2 % 3; } else if b { g(x){ y }; } else { ; } }
-    let c = if [1.0 .. 2.0].start::<int>==3 { 1 } else { 2 };
-    (eval t.C(p) + t.C(p), c)
-}
-define d(a: s) { O(a, b) }
-";
+const WHOLE: &str = include_str!("whole.vola");
 
 #[test]
 fn the_whole_file_is_correct_and_white_space_means_nothing() {

@@ -29,7 +29,7 @@ pub fn artefact(
             name: name.to_owned(),
             ty: slot.scalar.to_string(),
             rate: if slot.varying { Rate::Varying } else { Rate::Uniform },
-            columns: vec![Column { name: name.to_owned(), scalar, offset: slot.offset }],
+            columns: vec![Column { name: name.to_owned(), scalar, offset: slot.offset, default: None, range: None }],
         }
     };
     // An id of its own for every module: the runtime's cache goes by it.

@@ -10,24 +10,31 @@ struct Local<const N: usize> {
     value: f64,
     first: [f64; N],
     second: [[f64; N]; N],
+    /// Terms that cancel in the first derivatives, for the shaking.
+    rough: f64,
     /// Terms that cancel in the second derivatives, for the shaking.
     cancelled: f64,
 }
 
 impl Local<1> {
     const fn of(value: f64, first: f64, second: f64) -> Self {
-        Self { value, first: [first], second: [[second]], cancelled: 0.0 }
+        Self { value, first: [first], second: [[second]], rough: 0.0, cancelled: 0.0 }
     }
 }
 
 impl Local<2> {
     /// By the second derivatives f_xx, f_xy, f_yy.
     const fn two(value: f64, first: [f64; 2], [xx, xy, yy]: [f64; 3]) -> Self {
-        Self { value, first, second: [[xx, xy], [xy, yy]], cancelled: 0.0 }
+        Self { value, first, second: [[xx, xy], [xy, yy]], rough: 0.0, cancelled: 0.0 }
     }
 }
 
 impl<const N: usize> Local<N> {
+    const fn rough(mut self, size: f64) -> Self {
+        self.rough = size;
+        self
+    }
+
     const fn cancelling(mut self, size: f64) -> Self {
         self.cancelled = size;
         self
@@ -84,7 +91,15 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
             rounded(run, [real(0), real(1)], rule)
         }
         Op::Exp => rounded(run, [real(0)], Local::of(u.exp(), u.exp(), u.exp())),
+        Op::Exp2 => {
+            let (power, log) = (u.exp2(), std::f64::consts::LN_2);
+            rounded(run, [real(0)], Local::of(power, power * log, power * log * log))
+        }
         Op::Log => rounded(run, [real(0)], Local::of(u.ln(), 1.0 / u, -1.0 / (u * u))),
+        Op::Log2 => {
+            let slope = 1.0 / (u * std::f64::consts::LN_2);
+            rounded(run, [real(0)], Local::of(u.log2(), slope, -slope / u))
+        }
         Op::Pow => {
             // A term whose operand is not active is dropped: its formula may be NaN (LANGUAGE 13.5).
             rounded(run, [real(0), real(1)], power(u, v))
@@ -105,6 +120,22 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
             rounded(run, [real(0)], Local::of(u.atan(), 1.0 / s, -2.0 * u / (s * s)))
         }
         Op::Atan2 => rounded(run, [real(0), real(1)], angle(u, v)),
+        Op::Sinh => rounded(run, [real(0)], Local::of(u.sinh(), u.cosh(), u.sinh())),
+        Op::Cosh => rounded(run, [real(0)], Local::of(u.cosh(), u.sinh(), u.cosh())),
+        Op::Tanh => {
+            let t = u.tanh();
+            let slope = (1.0 - t) * (1.0 + t);
+            rounded(run, [real(0)], Local::of(t, slope, -2.0 * t * slope).rough(2.0).cancelling(2.0))
+        }
+        Op::Asinh => {
+            let s = u.mul_add(u, 1.0);
+            rounded(run, [real(0)], Local::of(u.asinh(), 1.0 / s.sqrt(), -u / (s * s.sqrt())))
+        }
+        Op::Acosh => rounded(run, [real(0)], arcosine(u)),
+        Op::Atanh => {
+            let s = (1.0 - u) * (1.0 + u);
+            rounded(run, [real(0)], Local::of(u.atanh(), 1.0 / s, 2.0 * u / (s * s)).cancelling(2.0 / (s * s)))
+        }
         Op::Copysign => {
             let side = if v.is_sign_negative() { -1.0 } else { 1.0 };
             let slope = direction(run, u) * side;
@@ -154,7 +185,8 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
 fn rounded<const N: usize>(run: &mut Arithmetic, x: [Jet; N], f: Local<N>) -> Cell {
     let first = |part: fn(&Jet) -> Option<f64>| {
         let mut terms = x.iter().zip(f.first).filter_map(|(x, slope)| part(x).map(|d| slope * d)).peekable();
-        terms.peek().is_some().then(|| terms.fold((0.0, 0.0_f64), |(sum, size), t| (sum + t, size + t.abs())))
+        let rough: f64 = x.iter().filter_map(part).map(|d| f.rough * d.abs()).sum();
+        terms.peek().is_some().then(|| terms.fold((0.0, rough), |(sum, size), t| (sum + t, size + t.abs())))
     };
     let (a, b) = (first(|x| x.a), first(|x| x.b));
     let mut both = first(|x| x.ab);
@@ -248,7 +280,7 @@ fn sqrt(x: f64) -> Local<1> {
 /// ‖x‖: xᵢ/‖x‖ and (δᵢⱼ − xᵢxⱼ/‖x‖²)/‖x‖; all 0 where the length computes 0.
 fn length<const N: usize>(run: &mut Arithmetic, x: [Jet; N]) -> Cell {
     let value = x.iter().map(|x| x.value * x.value).sum::<f64>().sqrt();
-    let mut f = Local { value, first: [0.0; N], second: [[0.0; N]; N], cancelled: 0.0 };
+    let mut f = Local { value, first: [0.0; N], second: [[0.0; N]; N], rough: 0.0, cancelled: 0.0 };
     if value != 0.0 {
         f.cancelled = 1.0 / value;
         f.first = x.map(|x| x.value / value);
@@ -288,6 +320,15 @@ fn arcsine(x: f64) -> Local<1> {
     }
     let chord = square.sqrt();
     Local::of(x.asin(), 1.0 / chord, x / (square * chord)).cancelling(1.0 / (square * chord))
+}
+
+/// arcosh: 1/√(x²−1) and −x/(x²−1)^³ᐟ²; both 0 at 1, where the slope is infinite; NaN below.
+fn arcosine(x: f64) -> Local<1> {
+    if x == 1.0 {
+        return Local::of(0.0, 0.0, 0.0);
+    }
+    let root = (x - 1.0).sqrt() * (x + 1.0).sqrt();
+    Local::of(x.acosh(), 1.0 / root, -x / (root * root * root))
 }
 
 /// The angle of (x, y) with h² = x² + y²: x/h², −y/h²; −2xy/h⁴, (y²−x²)/h⁴, 2xy/h⁴; all 0 where h computes 0.

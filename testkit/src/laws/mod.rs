@@ -1,9 +1,12 @@
 //! The laws: each is a function of what it quantifies over, and answers with how many points it could judge, or with
 //! the first failure. Tests, fuzz targets and the gate call the same functions; the laws know no test framework.
 
+#[cfg(feature = "run")]
 mod batches;
+#[cfg(feature = "run")]
 mod bits;
 mod derivative;
+mod front;
 mod pipeline;
 
 use std::fmt;
@@ -11,9 +14,12 @@ use std::ops::AddAssign;
 
 use isograd_graph::{Graph, Value, Verified, verify};
 
+#[cfg(feature = "run")]
 pub use batches::batches;
+#[cfg(feature = "run")]
 pub use bits::{finished, finished_equals_raw, kernels_of, neighbours, optimised_equals_plain, wasm_equals_reference};
 pub use derivative::{derivative, kink_points};
+pub use front::{checked, elaborated, parsed, structured};
 pub use pipeline::{at_kinks, derivative_by_values, expanded_derivatives, oracles_agree, pipeline_derivative};
 
 /// How many comparisons a law made, and how many it could not make.

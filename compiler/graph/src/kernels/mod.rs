@@ -11,11 +11,13 @@
 
 mod arc;
 mod exp;
+mod hyperbolic;
 mod pow;
 mod trig;
 mod write;
 
 pub use arc::{acos, asin, atan, atan2};
-pub use exp::{exp, log};
+pub use exp::{exp, exp2, log, log2};
+pub use hyperbolic::{acosh, asinh, atanh, cosh, sinh, tanh};
 pub use pow::pow;
 pub use trig::{cos, sin, tan};

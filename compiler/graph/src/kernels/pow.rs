@@ -4,14 +4,14 @@ use super::exp::{exp_of_small, mantissa, times_power_of_two};
 use super::write::{Real, write};
 use crate::{Builder, NodeId, Precision};
 
-/// xʸ, with the special cases of C's `pow` (C23, annex F). Where the result would be subnormal it is 0.
+/// xʸ, with the special cases of C's `pow` (C23, annex F).
 pub fn pow(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
     write(b, args, p, |[x, y]| {
         let base = x.abs();
         // A larger exponent changes nothing: every base but 1 has left the range long before.
         let huge = x.by(2f64.powi(60), 2f64.powi(100));
         let exponent = y.at_least(-huge).at_most(huge);
-        let (log, rest) = log2(base);
+        let (log, rest) = log2_in_parts(base);
         let upper = exponent.upper();
         let high = upper * log;
         let low = (exponent - upper) * log + exponent * rest;
@@ -25,7 +25,8 @@ pub fn pow(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
         let k = total.nearest();
         let r = ((high - k) + low) * std::f64::consts::LN_2;
         let power = times_power_of_two(exp_of_small(r), k);
-        let (least, greatest) = x.by((-126.0, 128.0), (-1022.0, 1024.0));
+        // The least is half the least subnormal.
+        let (least, greatest) = x.by((-150.0, 128.0), (-1075.0, 1024.0));
         let power = total.less(least).select(0.0, power);
         let power = total.reaches(greatest).select(f64::INFINITY, power);
 
@@ -41,7 +42,7 @@ pub fn pow(b: &mut Builder<'_>, args: &[NodeId], p: Precision) -> NodeId {
 ///
 /// x = 2ᵉ·m, s = (m − 1)/(m + 1), log₂ m = 2/(3 ln 2)·s·(3 + s² + s⁴·Q(s²)). Each factor is split into an upper half,
 /// whose products are exact, and a rest, whose products need not be.
-fn log2(x: Real<'_>) -> (Real<'_>, Real<'_>) {
+fn log2_in_parts(x: Real<'_>) -> (Real<'_>, Real<'_>) {
     let (m, e) = mantissa(x);
     let f = m - 1.0;
     let d = m + 1.0;

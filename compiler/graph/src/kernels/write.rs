@@ -240,6 +240,13 @@ impl<'k> Truth<'k> {
     }
 }
 
+impl Sub for Int<'_> {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        Self { tape: self.tape, id: self.tape.op(Op::IntSub, &[self.id, other.id]) }
+    }
+}
+
 impl<'k> Int<'k> {
     pub fn neg(self) -> Self {
         Self { tape: self.tape, id: self.tape.op(Op::IntNeg, &[self.id]) }

@@ -52,7 +52,9 @@ table! {
     Length4 => real::LENGTH4;
     Unit => real::UNIT;
     Exp => transcendental::EXP;
+    Exp2 => transcendental::EXP2;
     Log => transcendental::LOG;
+    Log2 => transcendental::LOG2;
     Pow => transcendental::POW;
     Sin => transcendental::SIN;
     Cos => transcendental::COS;
@@ -61,6 +63,12 @@ table! {
     Acos => transcendental::ACOS;
     Atan => transcendental::ATAN;
     Atan2 => transcendental::ATAN2;
+    Sinh => transcendental::SINH;
+    Cosh => transcendental::COSH;
+    Tanh => transcendental::TANH;
+    Asinh => transcendental::ASINH;
+    Acosh => transcendental::ACOSH;
+    Atanh => transcendental::ATANH;
     Copysign => bits::COPYSIGN;
     Exponent => bits::EXPONENT;
     Scale => bits::SCALE;

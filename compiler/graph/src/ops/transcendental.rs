@@ -50,6 +50,19 @@ pub const EXP: OpDef = function(
     Lowering::Fragment(kernels::exp),
 );
 
+pub const EXP2: OpDef = function(
+    "exp2",
+    "2ᵃ",
+    eval!(|a: Real| -> Real { a.exp2() }),
+    &[rule!(|b, [_x], r| {
+        let log = b.real(std::f64::consts::LN_2);
+        b.mul(r, log)
+    })],
+    Kink::None,
+    &[(-30.0, 30.0)],
+    Lowering::Fragment(kernels::exp2),
+);
+
 pub const LOG: OpDef = function(
     "log",
     "ln a",
@@ -61,6 +74,20 @@ pub const LOG: OpDef = function(
     Kink::None,
     &[(1e-3, 100.0)],
     Lowering::Fragment(kernels::log),
+);
+
+// x′/(x·ln 2), with the constant as its reciprocal: one rounding less.
+pub const LOG2: OpDef = function(
+    "log2",
+    "log₂ a",
+    eval!(|a: Real| -> Real { a.log2() }),
+    &[rule!(|b, [x]| {
+        let base = b.real(std::f64::consts::LOG2_E);
+        b.div(base, x)
+    })],
+    Kink::None,
+    &[(1e-3, 100.0)],
+    Lowering::Fragment(kernels::log2),
 );
 
 pub const POW: OpDef = function(
@@ -154,13 +181,19 @@ pub const ACOS: OpDef = function(
     Lowering::Fragment(kernels::acos),
 );
 
-/// 1/√(1−x²), 0 at ±1 (LANGUAGE 13.6). (1−x)(1+x) keeps the digits that 1 − x² loses near ±1.
+/// 1/√(1−x²), 0 at ±1 (LANGUAGE 13.6).
 fn inverse_chord(b: &mut crate::Builder<'_>, x: crate::NodeId) -> crate::NodeId {
     let one = b.real(1.0);
-    let (below, above) = (b.sub(one, x), b.add(one, x));
-    let square = b.mul(below, above);
+    let square = complement_of_square(b, x);
     let chord = b.sqrt(square);
     b.unit(one, chord)
+}
+
+/// 1 − x² as (1−x)(1+x), which keeps the digits that 1 − x² loses near ±1.
+fn complement_of_square(b: &mut crate::Builder<'_>, x: crate::NodeId) -> crate::NodeId {
+    let one = b.real(1.0);
+    let (below, above) = (b.sub(one, x), b.add(one, x));
+    b.mul(below, above)
 }
 
 pub const ATAN: OpDef = function(
@@ -199,4 +232,82 @@ pub const ATAN2: OpDef = function(
     Kink::Where { set: "a = b = 0", discriminant: |v| v.iter().map(|x| x * x).sum::<f64>().sqrt() },
     &[(-10.0, 10.0), (-10.0, 10.0)],
     Lowering::Fragment(kernels::atan2),
+);
+
+pub const SINH: OpDef = function(
+    "sinh",
+    "sinh a",
+    eval!(|a: Real| -> Real { a.sinh() }),
+    &[rule!(|b, [x]| b.op(super::Op::Cosh, &[x]))],
+    Kink::None,
+    &[(-20.0, 20.0)],
+    Lowering::Fragment(kernels::sinh),
+);
+
+pub const COSH: OpDef = function(
+    "cosh",
+    "cosh a",
+    eval!(|a: Real| -> Real { a.cosh() }),
+    &[rule!(|b, [x]| b.op(super::Op::Sinh, &[x]))],
+    Kink::None,
+    &[(-20.0, 20.0)],
+    Lowering::Fragment(kernels::cosh),
+);
+
+pub const TANH: OpDef = function(
+    "tanh",
+    "tanh a",
+    eval!(|a: Real| -> Real { a.tanh() }),
+    &[rule!(|b, [_x], r| complement_of_square(b, r))],
+    Kink::None,
+    &[(-4.0, 4.0)],
+    Lowering::Fragment(kernels::tanh),
+);
+
+pub const ASINH: OpDef = function(
+    "asinh",
+    "arsinh a",
+    eval!(|a: Real| -> Real { a.asinh() }),
+    &[rule!(|b, [x]| {
+        let one = b.real(1.0);
+        let square = b.mul(x, x);
+        let sum = b.add(square, one);
+        let root = b.sqrt(sum);
+        b.div(one, root)
+    })],
+    Kink::None,
+    &[(-100.0, 100.0)],
+    Lowering::Fragment(kernels::asinh),
+);
+
+// 1/√(x²−1), 0 at 1 (LANGUAGE 13.6). The product of two roots keeps the digits that x² − 1 loses near 1, and is NaN
+// everywhere below 1.
+pub const ACOSH: OpDef = function(
+    "acosh",
+    "arcosh a",
+    eval!(|a: Real| -> Real { a.acosh() }),
+    &[rule!(|b, [x]| {
+        let one = b.real(1.0);
+        let (below, above) = (b.sub(x, one), b.add(x, one));
+        let (below, above) = (b.sqrt(below), b.sqrt(above));
+        let root = b.mul(below, above);
+        b.unit(one, root)
+    })],
+    Kink::Where { set: "a = 1", discriminant: |v| v.first().map_or(f64::NAN, |a| a - 1.0) },
+    &[(1.0, 100.0)],
+    Lowering::Fragment(kernels::acosh),
+);
+
+pub const ATANH: OpDef = function(
+    "atanh",
+    "artanh a",
+    eval!(|a: Real| -> Real { a.atanh() }),
+    &[rule!(|b, [x]| {
+        let one = b.real(1.0);
+        let rest = complement_of_square(b, x);
+        b.div(one, rest)
+    })],
+    Kink::None,
+    &[(-0.9, 0.9)],
+    Lowering::Fragment(kernels::atanh),
 );

@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 
 use isograd_syntax::{
     Code as Error, Diagnostic, Span,
-    tree::{BlockId, ExprId, Tree},
+    tree::{BlockId, ExprId, Faults, Ident, Item, Tree},
 };
 use rustc_hash::FxHashMap;
 
-use super::{Report, World, liveness, tree};
+use super::{Report, World, tree};
 use crate::{
     Type,
     names::Kind,
@@ -72,19 +72,21 @@ pub(super) struct Body<'a> {
     pub uses: Uses,
     /// Unknown variables are not reported, because a definition that may declare them is unknown itself.
     pub lenient: bool,
+    /// What of it could not be read.
+    faults: Faults,
+    /// Names in the text that could not be read.
+    skipped: BTreeSet<&'a str>,
     /// Names already reported as unknown; `None` is a variable.
     pub unknown: BTreeSet<(Option<Kind>, &'a str)>,
     scopes: Vec<FxHashMap<&'a str, Variable>>,
     frames: Vec<Frame>,
     /// Scalars of all types kept in the code, against types that double with each line.
     scalars: u64,
-    errors_before: u64,
 }
 
 impl<'a> Body<'a> {
     /// A body with one scope open, which holds nothing yet.
     pub fn new(world: &'a World<'a>, tree: &'a Tree, space: usize, report: &'a mut Report) -> Self {
-        let errors_before = report.errors();
         Self {
             world,
             tree,
@@ -93,30 +95,58 @@ impl<'a> Body<'a> {
             code: Code::default(),
             uses: Uses::default(),
             lenient: false,
+            faults: Faults::default(),
+            skipped: BTreeSet::new(),
             unknown: BTreeSet::new(),
             scopes: vec![FxHashMap::default()],
             frames: Vec::new(),
             scalars: 0,
-            errors_before,
         }
     }
 
-    /// Finds out what is live and ends the body.
-    pub fn finish(mut self) -> (Code, Uses) {
-        if self.report.errors() == self.errors_before {
-            for warning in liveness::mark(&mut self.code, &self.world.program) {
-                self.report.push(warning);
-            }
+    /// Takes into account that not all of the item could be read.
+    pub fn of_item(mut self, item: &Item) -> Self {
+        self.faults = item.faults;
+        if item.faults.any {
+            let inside = |n: &&Ident| item.span.start <= n.span.start && n.span.end <= item.span.end;
+            let first = self.tree.skipped.partition_point(|n| n.span.start < item.span.start);
+            let skipped = self.tree.skipped.get(first..).unwrap_or(&[]);
+            self.skipped = skipped.iter().take_while(inside).map(|n| n.text.as_str()).collect();
+            self.report.mute();
         }
+        self
+    }
+
+    /// Whether a name that is not in reach may have been defined in what could not be read.
+    pub fn may_be_variable(&self, name: &str) -> bool {
+        self.lenient || self.faults.nesting || self.skipped.contains(name)
+    }
+
+    /// Ends the body.
+    pub fn finish(self) -> (Code, Uses) {
         (self.code, self.uses)
+    }
+
+    /// Whether a mistake may only seem one, because a part of the body could not be read: a missing value, a missing
+    /// scope, a use of what is there. If the brackets do not match, hardly anything is certain.
+    fn may_be_follow_up(&self, diagnostic: &Diagnostic) -> bool {
+        let code = diagnostic.code;
+        let needs_all = matches!(code, Error::E0302 | Error::E0409 | Error::E0503 | Error::E0505 | Error::E0507);
+        let name = matches!(code, Error::E0301 | Error::E0303 | Error::E0304);
+        self.faults.any && (needs_all || !diagnostic.is_error()) || self.faults.nesting && !name
     }
 
     pub fn emit(&mut self, instruction: Instruction, span: Span) {
         self.code.instructions.push((instruction, span));
     }
 
+    /// Reports an error or a warning.
     pub fn error(&mut self, diagnostic: Diagnostic) {
-        self.report.push(diagnostic);
+        if self.may_be_follow_up(&diagnostic) {
+            self.report.mute();
+        } else {
+            self.report.push(diagnostic);
+        }
     }
 
     /// Counts a type that the code keeps.

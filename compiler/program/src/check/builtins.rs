@@ -17,6 +17,8 @@ enum Rule {
     ToReal(usize, Kinds),
     /// Exactly one of these lists.
     Fixed(&'static [(&'static [Type], Type)]),
+    /// One matrix (or quaternion), which decides the result's type.
+    Shape(fn(&Type) -> Option<Type>),
 }
 
 /// Kinds of types beside vectors.
@@ -39,13 +41,16 @@ impl Kinds {
         match ty {
             Type::Vector(_) => true,
             Type::Real => matches!(self, Self::Real | Self::Number | Self::Matrix),
-            Type::Int => matches!(self, Self::Number | Self::Matrix),
+            Type::Int | Type::IntVector(_) => matches!(self, Self::Number | Self::Matrix),
             Type::Matrix { .. } => self == Self::Matrix,
             Type::Quat => self == Self::VectorOrQuat,
             _ => false,
         }
     }
 }
+
+/// The letters of signatures.
+const LETTERS: &str = "R is a real, V a vector of reals, I an int or a vector of ints; or intervals with such ends";
 
 const V3: Type = Type::Vector(3);
 
@@ -73,6 +78,14 @@ fn rule(builtin: Builtin) -> Rule {
         | B::Saturate
         | B::Trunc
         | B::Log
+        | B::Log2
+        | B::Exp2
+        | B::Sinh
+        | B::Cosh
+        | B::Tanh
+        | B::Asinh
+        | B::Acosh
+        | B::Atanh
         | B::InverseSqrt => Rule::Same(1, Kinds::Real),
         B::Pow | B::Step => Rule::Same(2, Kinds::Real),
         B::Mix | B::Lerp | B::Smoothstep => Rule::Same(3, Kinds::Real),
@@ -80,6 +93,19 @@ fn rule(builtin: Builtin) -> Rule {
         B::Min | B::Max => Rule::Same(2, Kinds::Number),
         B::Clamp => Rule::Same(3, Kinds::Number),
         B::Mod => Rule::Same(2, Kinds::Matrix),
+        B::Inverse | B::Invert => Rule::Shape(|ty| match ty {
+            Type::Quat => Some(Type::Quat),
+            Type::Matrix { columns, rows } => (columns == rows).then(|| ty.clone()),
+            _ => None,
+        }),
+        B::Determinant => Rule::Shape(|ty| match ty {
+            Type::Matrix { columns, rows } => (columns == rows).then_some(Type::Real),
+            _ => None,
+        }),
+        B::Transpose => Rule::Shape(|ty| match *ty {
+            Type::Matrix { columns, rows } => Some(Type::Matrix { columns: rows, rows: columns }),
+            _ => None,
+        }),
         B::Atan2 => Rule::Fixed(&[(&[Type::Real, Type::Real], Type::Real)]),
         B::Quat => Rule::Fixed(&[
             (&[Type::Real, Type::Real, Type::Real, Type::Real], Type::Quat),
@@ -95,6 +121,32 @@ fn rule(builtin: Builtin) -> Rule {
 struct Misfit {
     argument: usize,
     wanted: Option<Type>,
+    /// It is defined for the ends of these intervals, but has no enclosure.
+    no_enclosure: bool,
+}
+
+/// The result's type. Intervals are taken where their ends are, all arguments being intervals then (LANGUAGE 5, 15.8).
+fn result(rule: &Rule, types: &[Type]) -> Result<Type, Misfit> {
+    let is_interval = |t: &Type| matches!(t, Type::Interval(_));
+    let Some(interval) = types.iter().position(is_interval) else { return apply(rule, types) };
+    let ends: Vec<Type> = types.iter().map(|t| t.ends().clone()).collect();
+    let wanted = |argument: usize, ty: Type| match types.get(argument).is_some_and(is_interval) {
+        true if ty.is_end() => ty.interval(),
+        _ => ty,
+    };
+    match apply(rule, &ends) {
+        Err(misfit) => Err(Misfit { wanted: misfit.wanted.map(|ty| wanted(misfit.argument, ty)), ..misfit }),
+        Ok(ty) if !ty.is_end() || ends.iter().any(|t| !t.is_end()) => {
+            Err(Misfit { argument: interval, wanted: None, no_enclosure: true })
+        }
+        Ok(ty) => match types.iter().position(|t| !is_interval(t)) {
+            Some(argument) => {
+                let wanted = ends.get(argument).map(|t| t.clone().interval());
+                Err(Misfit { argument, wanted, no_enclosure: false })
+            }
+            None => Ok(ty.interval()),
+        },
+    }
 }
 
 fn apply(rule: &Rule, types: &[Type]) -> Result<Type, Misfit> {
@@ -102,8 +154,12 @@ fn apply(rule: &Rule, types: &[Type]) -> Result<Type, Misfit> {
         Rule::Same(_, kinds) | Rule::ToReal(_, kinds) => {
             if let Some(argument) = types.iter().position(|t| !kinds.allow(t)) {
                 let like = types.iter().find(|t| kinds.allow(t)).cloned();
-                let wanted = like.or_else(|| kinds.allow(&Type::Real).then_some(Type::Real));
-                return Err(Misfit { argument, wanted });
+                let real = match types.get(argument) {
+                    Some(Type::IntVector(n)) => Type::Vector(*n),
+                    _ => Type::Real,
+                };
+                let wanted = like.or_else(|| kinds.allow(&real).then_some(real));
+                return Err(Misfit { argument, wanted, no_enclosure: false });
             }
             let first = types.first().cloned().unwrap_or(Type::Error);
             if let Some(argument) = types.iter().position(|t| *t != first) {
@@ -118,7 +174,10 @@ fn apply(rule: &Rule, types: &[Type]) -> Result<Type, Misfit> {
             let form = forms.iter().find(|(parameters, _)| parameters.len() == types.len());
             let parameters = form.map_or(&[][..], |(p, _)| *p);
             let argument = parameters.iter().zip(types).position(|(p, t)| p != t).unwrap_or(0);
-            Err(Misfit { argument, wanted: parameters.get(argument).cloned() })
+            Err(Misfit { argument, wanted: parameters.get(argument).cloned(), no_enclosure: false })
+        }
+        Rule::Shape(shape) => {
+            types.first().and_then(shape).ok_or(Misfit { argument: 0, wanted: None, no_enclosure: false })
         }
     }
 }
@@ -128,14 +187,12 @@ fn differing(types: &[Type], argument: usize, first: Type) -> Misfit {
     let other = types.get(argument).cloned().unwrap_or(Type::Error);
     let rank = |t: &Type| match t {
         Type::Int => 0,
-        Type::Real => 1,
-        _ => 2,
+        Type::IntVector(_) => 1,
+        Type::Real => 2,
+        _ => 3,
     };
-    if rank(&first) < rank(&other) {
-        Misfit { argument: 0, wanted: Some(other) }
-    } else {
-        Misfit { argument, wanted: Some(first) }
-    }
+    let (argument, wanted) = if rank(&first) < rank(&other) { (0, other) } else { (argument, first) };
+    Misfit { argument, wanted: Some(wanted), no_enclosure: false }
 }
 
 impl Body<'_> {
@@ -149,6 +206,7 @@ impl Body<'_> {
         let fits = match &rule {
             Rule::Same(n, _) | Rule::ToReal(n, _) => *n == args.len(),
             Rule::Fixed(forms) => forms.iter().any(|(p, _)| p.len() == args.len()),
+            Rule::Shape(_) => args.len() == 1,
         };
         if !fits {
             self.error(
@@ -158,14 +216,14 @@ impl Body<'_> {
                     format!("`{}` does not take {}", callee.text, counted(args.len(), "argument")),
                 )
                 .note(signature)
-                .note("R is a real, V a vector of reals, I an int"),
+                .note(LETTERS),
             );
             return Type::Error;
         }
         if types.contains(&Type::Error) {
             return Type::Error;
         }
-        let ty = match apply(&rule, &types) {
+        let ty = match result(&rule, &types) {
             Ok(ty) => ty,
             Err(misfit) => {
                 self.misfit(&misfit, callee, args, &types, signature);
@@ -174,7 +232,7 @@ impl Body<'_> {
         };
         // `mod` of matrices is the operator `%`; that is where the product of types is known.
         let instruction = match (builtin, types.as_slice()) {
-            (Builtin::Mod, [left @ Type::Matrix { .. }, right]) => {
+            (Builtin::Mod, [left, right]) if matches!(left.ends(), Type::Matrix { .. }) => {
                 Instruction::Binary { op: BinaryOp::Rem, left: left.clone(), right: right.clone() }
             }
             _ => Instruction::Builtin { builtin, args: types },
@@ -187,6 +245,18 @@ impl Body<'_> {
         let (Some(id), Some(ty)) = (args.get(misfit.argument), types.get(misfit.argument)) else { return };
         let number = misfit.argument + 1;
         let span = self.expr_span(*id);
+        if misfit.no_enclosure {
+            let (text, name) = (self.operand_text(*id), &callee.text);
+            self.error(
+                Diagnostic::new(Code::E0804, span, format!("`{name}` has no enclosure: it does not take `{ty}`"))
+                    .here(format!("this is `{ty}`"))
+                    .note(signature)
+                    .help(format!(
+                        "use an end, `{text}.start` or `{text}.end`, or `bound(e, dyn, {text})` around it all"
+                    )),
+            );
+            return;
+        }
         let message = match &misfit.wanted {
             Some(wanted) => format!("argument {number} of `{}` is `{ty}`, but `{wanted}` is needed here", callee.text),
             None => format!("argument {number} of `{}` is `{ty}`, for which it is not defined", callee.text),
@@ -197,7 +267,7 @@ impl Body<'_> {
                 diagnostic = diagnostic.label(self.expr_span(*other), format!("this is `{ty}`"));
             }
         }
-        diagnostic = diagnostic.note(signature).note("R is a real, V a vector of reals, I an int");
+        diagnostic = diagnostic.note(signature).note(LETTERS);
         let mend = misfit.wanted.as_ref().and_then(|wanted| self.mend(*id, ty, wanted));
         if let Some(mend) = mend {
             diagnostic = diagnostic.help(mend);

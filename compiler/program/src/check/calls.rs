@@ -1,16 +1,16 @@
-//! Calls: functions, entities and operations with their blocks, `diff`, and `eval` (LANGUAGE 6.3, 8.1, 11.3, 11.5,
-//! 13.1). Knows nothing of how names are found.
+//! Calls: functions, entities and operations with their blocks, `diff`, `bound` and `eval` (LANGUAGE 6.3, 8.1, 11.3,
+//! 11.5, 13.1, 15.3). Knows nothing of how names are found.
 
 use isograd_syntax::{
     Code, Diagnostic, Span,
-    tree::{BlockId, ExprId, Ident},
+    tree::{BlockId, ExprId, ExprKind, Ident},
 };
 
 use super::{
     body::{Body, FrameKind},
     messages::counted,
     statements::Want,
-    tree, types,
+    tree,
 };
 use crate::{
     Type,
@@ -29,7 +29,17 @@ enum Whose {
 impl<'a> Body<'a> {
     /// `f(args){ … }{ … }`.
     pub fn call(&mut self, callee: &'a Ident, args: &'a [ExprId], blocks: &'a [BlockId], span: Span) -> Type {
-        let missing = matches!(self.world.names.callee(self.space, &callee.text), Lookup::Missing);
+        let names = &self.world.names;
+        let found = names.callee(self.space, &callee.text);
+        if let Lookup::Found(found) = found
+            && names.is_doubtful(found)
+        {
+            self.report.mute();
+            self.arguments(args);
+            self.subtrees(blocks);
+            return if matches!(found, Callee::Definition(_)) { Type::Csg } else { Type::Error };
+        }
+        let missing = matches!(found, Lookup::Missing) && !names.may_exist(self.space, &callee.text);
         if missing && let Some((_, variable)) = self.variable(&callee.text) {
             return self.call_of_variable(callee, variable.slot, args, blocks, span);
         }
@@ -50,18 +60,17 @@ impl<'a> Body<'a> {
                 self.builtin(builtin, callee, args, types, span)
             }
             Some(Callee::Diff) => self.diff(callee, args, span),
-            Some(Callee::Later) => {
-                let types = self.arguments(args);
-                if !self.csg_in(args, &types, "an argument of a built-in function") {
-                    types::later(self.report, callee.span, &format!("the built-in function `{}` is", callee.text));
-                }
-                Type::Error
-            }
+            Some(Callee::Bound) => self.bound(callee, args, span),
         }
     }
 
     fn arguments(&mut self, args: &'a [ExprId]) -> Vec<Type> {
         args.iter().map(|a| self.value(*a, Want::Any)).collect()
+    }
+
+    /// Whether some of the arguments could not be read, so that their number means nothing.
+    fn unread(&self, args: &[ExprId]) -> bool {
+        args.iter().any(|a| matches!(tree::expr(self.tree, *a).kind, ExprKind::Error | ExprKind::Partial(_)))
     }
 
     /// E0604: blocks after anything but an operation. The blocks are checked all the same.
@@ -202,6 +211,9 @@ impl<'a> Body<'a> {
     ) {
         let types = self.arguments(args);
         if params.len() != args.len() {
+            if self.unread(args) {
+                return;
+            }
             self.error(
                 Diagnostic::new(
                     Code::E0402,
@@ -261,7 +273,10 @@ impl<'a> Body<'a> {
                 Type::Matrix { .. } | Type::Tuple(_) => {
                     diagnostic = diagnostic.help(format!("take a part of it first: `{}.0`", self.operand_text(id)));
                 }
-                Type::Int => {
+                Type::Interval(_) => {
+                    diagnostic = diagnostic.help(format!("take an end first: `{}.start`", self.operand_text(id)));
+                }
+                Type::Int | Type::IntVector(_) => {
                     diagnostic = diagnostic.help("an int has no derivative; compute with reals and cast at the end");
                 }
                 _ => {}
@@ -287,6 +302,69 @@ impl<'a> Body<'a> {
             (1, columns) => Type::Vector(columns),
             (rows, columns) => Type::Matrix { columns, rows },
         }
+    }
+
+    /// `bound(e, dyn, iv)` (LANGUAGE 15.3).
+    fn bound(&mut self, callee: &Ident, args: &'a [ExprId], span: Span) -> Type {
+        let types = self.arguments(args);
+        let ([e, by, iv], [e_type, by_type, iv_type]) = (args, types.as_slice()) else {
+            self.error(
+                Diagnostic::new(Code::E0402, callee.span, format!("`bound` takes 3 arguments, not {}", args.len()))
+                    .note("the signature is `bound(expression, variable, interval)`"),
+            );
+            return Type::Error;
+        };
+        if self.csg_in(args, &types, "an argument of a built-in function") {
+            return Type::Error;
+        }
+        let mut wrong = Vec::new();
+        if !matches!(e_type, Type::Real | Type::Vector(_) | Type::Matrix { .. } | Type::Error) {
+            let mut diagnostic =
+                Diagnostic::new(Code::E0801, self.expr_span(*e), format!("`{e_type}` cannot be enclosed"))
+                    .note("a real, or a vector or matrix of reals is needed");
+            if matches!(e_type, Type::Tuple(_)) {
+                diagnostic = diagnostic.help(format!("take a part of it first: `{}.0`", self.operand_text(*e)));
+            } else if let Some(mend) = self.mend(*e, e_type, &Type::Real) {
+                diagnostic = diagnostic.help(mend);
+            }
+            wrong.push(diagnostic);
+        }
+        let variable = matches!(by_type, Type::Real | Type::Vector(_));
+        if !variable && *by_type != Type::Error {
+            let message = format!("`bound` varies a real or a vector, this is `{by_type}`");
+            let shown = format!("the interval is `{iv_type}`");
+            wrong.push(Diagnostic::new(Code::E0802, self.expr_span(*by), message).label(self.expr_span(*iv), shown));
+        }
+        match iv_type {
+            Type::Error => {}
+            Type::Interval(ends) => {
+                if variable && **ends != *by_type {
+                    let message = format!("`bound` varies a value of type `{by_type}`, but in `{iv_type}`");
+                    wrong.push(
+                        Diagnostic::new(Code::E0802, self.expr_span(*iv), message)
+                            .label(self.expr_span(*by), format!("this is `{by_type}`"))
+                            .help(format!("the interval must be `interval<{by_type}>`")),
+                    );
+                }
+            }
+            _ => {
+                let message = format!("the third argument of `bound` is an interval, this is `{iv_type}`");
+                let mut diagnostic = Diagnostic::new(Code::E0803, self.expr_span(*iv), message);
+                if variable {
+                    diagnostic = diagnostic.help(format!("write `[lower .. upper]` with ends of type `{by_type}`"));
+                }
+                wrong.push(diagnostic);
+            }
+        }
+        let fits = wrong.is_empty() && !types.contains(&Type::Error);
+        for diagnostic in wrong {
+            self.error(diagnostic);
+        }
+        if !fits {
+            return Type::Error;
+        }
+        self.emit(Instruction::Bound { value: e_type.clone(), by: by_type.clone() }, span);
+        e_type.clone().interval()
     }
 
     /// `eval v.C(args)` (LANGUAGE 11.5).
@@ -328,13 +406,17 @@ impl<'a> Body<'a> {
     fn evaluate(&mut self, id: ConceptId, name: &'a Ident, args: &'a [ExprId], span: Span) -> Type {
         let world = self.world;
         let Some(concept) = world.program.concepts.get(id.0 as usize) else { return Type::Error };
-        let param = |ty: &Type| Param { name: String::new(), ty: ty.clone() };
+        let param = |ty: &Type| Param::new(String::new(), ty.clone());
         let mut pack = None;
         let params: Vec<Param> = match &concept.source {
             Type::Tuple(elements) if elements.is_empty() => Vec::new(),
             Type::Tuple(elements) if elements.len() == args.len() => {
                 pack = u32::try_from(elements.len()).ok();
                 elements.iter().map(param).collect()
+            }
+            Type::Error => {
+                self.arguments(args);
+                return Type::Error;
             }
             source => vec![param(source)],
         };

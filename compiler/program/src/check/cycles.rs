@@ -8,13 +8,15 @@ use isograd_syntax::{Code, Diagnostic, Span};
 use super::{Report, World, body::Uses, items::AllUses};
 use crate::typed::DefinitionId;
 
-/// E0506 for every function that can reach itself, with the shortest cycle through it.
-pub(super) fn recursion(world: &World, uses: &AllUses, report: &mut Report) {
+/// E0506 for every function that can reach itself, with the shortest cycle through it. The answer is these functions,
+/// and all functions, callees first.
+pub(super) fn recursion(world: &World, uses: &AllUses, report: &mut Report) -> (Vec<usize>, Vec<usize>) {
     let calls = |f: usize| {
         let list = uses.functions.get(f).map_or(&[][..], |u| u.calls.as_slice());
         list.iter().map(|(g, span)| (g.0 as usize, *span))
     };
-    for member in on_cycles(uses.functions.len(), &|f| calls(f).map(|(g, _)| g).collect()).0 {
+    let (members, order) = on_cycles(uses.functions.len(), &|f| calls(f).map(|(g, _)| g).collect());
+    for member in members.iter().copied() {
         let Some(function) = world.program.functions.get(member) else { continue };
         if !report.is_worth_it() {
             report.push(Diagnostic::new(Code::E0506, function.span, "this function calls itself"));
@@ -33,11 +35,13 @@ pub(super) fn recursion(world: &World, uses: &AllUses, report: &mut Report) {
         }
         report.push(diagnostic);
     }
+    (members, order)
 }
 
-/// E0607 for every impl that builds its own node, itself or through functions.
-pub(super) fn self_building(world: &World, uses: &AllUses, report: &mut Report) {
-    for index in suspects(world, uses) {
+/// E0607 for every impl that builds its own node, itself or through functions; the answer is these impls.
+pub(super) fn self_building(world: &World, uses: &AllUses, report: &mut Report) -> Vec<usize> {
+    let suspects = suspects(world, uses);
+    for index in suspects.iter().copied() {
         let (Some(implementation), Some(used)) = (world.program.impls.get(index), uses.impls.get(index)) else {
             continue;
         };
@@ -66,6 +70,7 @@ pub(super) fn self_building(world: &World, uses: &AllUses, report: &mut Report) 
         }
         report.push(diagnostic);
     }
+    suspects
 }
 
 /// The impls from which a node of their own definition can be built. Definitions are followed through the functions

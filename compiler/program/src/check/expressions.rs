@@ -66,6 +66,10 @@ impl<'a> Body<'a> {
             ExprKind::List(elements) => self.list(elements, expr.span),
             ExprKind::Splat { element, count } => self.splat(*element, *count, expr.span),
             ExprKind::Interval { lo, hi } => self.interval(*lo, *hi, expr.span),
+            ExprKind::Partial(read) => {
+                self.value(*read, Want::Any);
+                Type::Error
+            }
             ExprKind::If { .. } => self.if_value(id, want),
             ExprKind::Loop { .. } => self.loop_value(id, want),
             ExprKind::Binary { .. } | ExprKind::Cast { .. } | ExprKind::Access { .. } | ExprKind::Error => Type::Error,
@@ -88,9 +92,12 @@ impl<'a> Body<'a> {
             (Type::Real, Type::Int) | (Type::Int, Type::Real | Type::Bool) | (Type::Bool, Type::Int | Type::Real) => {
                 self.emit(Instruction::Cast { from: from.clone(), to: to.clone() }, span);
             }
+            (Type::Vector(n), Type::IntVector(m)) | (Type::IntVector(n), Type::Vector(m)) if n == m => {
+                self.emit(Instruction::Cast { from: from.clone(), to: to.clone() }, span);
+            }
             _ => {
                 let mut diagnostic = Diagnostic::new(Code::E0408, span, format!("`{from}` cannot be cast to `{to}`"))
-                    .note("casts exist between real and int, from bool to int and real, and from int to bool");
+                    .note("casts exist between real and int, also of vectors, from bool to int and real, and from int to bool");
                 if let Some(mend) = self.mend(value, from, &to) {
                     diagnostic = diagnostic.help(mend);
                 }
@@ -104,6 +111,9 @@ impl<'a> Body<'a> {
     fn access(&mut self, base: &Type, field: &Ident, value: ExprId, span: Span) -> Type {
         if *base == Type::Error {
             return Type::Error;
+        }
+        if let Type::Interval(ends) = base {
+            return self.access_interval(ends, field, value, span);
         }
         let name = field.text.as_str();
         let index = match name {
@@ -120,10 +130,45 @@ impl<'a> Body<'a> {
         ty
     }
 
+    /// `i.start`, `i.x`, `i.may_be_nan`: numbers mean ends, letters mean components.
+    fn access_interval(&mut self, ends: &Type, field: &Ident, value: ExprId, span: Span) -> Type {
+        let end = match field.text.as_str() {
+            "start" | "0" => Some(false),
+            "end" | "1" => Some(true),
+            "may_be_nan" => {
+                self.emit(Instruction::MayBeNan, span);
+                return Type::Bool;
+            }
+            _ => None,
+        };
+        if let Some(upper) = end {
+            self.emit(Instruction::End { ty: ends.clone(), upper }, span);
+            return ends.clone();
+        }
+        let component = FIELDS.iter().position(|f| *f == field.text).and_then(|index| element(ends, index));
+        let Some((offset, ty)) = component else {
+            self.no_field(&ends.clone().interval(), field, value);
+            return Type::Error;
+        };
+        self.emit(Instruction::PickInterval { ends: ends.len(), offset, length: ty.len() }, span);
+        ty.interval()
+    }
+
     fn no_field(&mut self, base: &Type, field: &Ident, value: ExprId) {
         let fields = |n: usize| FIELDS.iter().take(n).map(|f| format!("`.{f}`")).collect::<Vec<_>>().join(", ");
         let offers = match base {
-            Type::Vector(n) => format!("`{base}` has the components {}", fields(usize::from(*n))),
+            Type::Vector(n) | Type::IntVector(n) => {
+                format!("`{base}` has the components {}", fields(usize::from(*n)))
+            }
+            Type::Interval(ends) => {
+                let components = match &**ends {
+                    Type::Vector(n) | Type::Matrix { columns: n, .. } => {
+                        format!(", and the intervals of its components {}", fields(usize::from(*n)))
+                    }
+                    _ => String::new(),
+                };
+                format!("`{base}` has `.start` (`.0`), `.end` (`.1`) and `.may_be_nan`{components}")
+            }
             Type::Matrix { columns, .. } => format!("`{base}` has the columns {}", fields(usize::from(*columns))),
             Type::Quat => format!("`quat` has the components {}", fields(4)),
             Type::Tuple(elements) => {
@@ -152,6 +197,7 @@ fn element(base: &Type, index: usize) -> Option<(u32, Type)> {
     let at = u32::try_from(index).ok()?;
     match base {
         Type::Vector(n) => (at < u32::from(*n)).then_some((at, Type::Real)),
+        Type::IntVector(n) => (at < u32::from(*n)).then_some((at, Type::Int)),
         Type::Quat => (at < 4).then_some((at, Type::Real)),
         Type::Matrix { columns, rows } => {
             (at < u32::from(*columns)).then(|| (at * u32::from(*rows), Type::Vector(*rows)))

@@ -10,6 +10,7 @@ use super::{
     Report, World,
     body::{Body, Uses},
     messages::counted,
+    metadata,
     statements::Want,
     tree, types,
 };
@@ -31,7 +32,15 @@ pub(super) struct AllUses {
 pub(super) fn signatures(world: &mut World, report: &mut Report) {
     for place in world.names.concepts.clone() {
         if let Some((tree, item)) = at(world.modules, place) {
-            let concept = concept(tree, item, report);
+            let before = report.trouble();
+            let mut concept = concept(tree, item, report);
+            let id = ConceptId(count(&world.program.concepts));
+            if world.names.doubtful_concepts.contains(&id) {
+                (concept.source, concept.target) = (Type::Error, Type::Error);
+            }
+            if report.trouble() != before || concept.target == Type::Error {
+                world.program.unsound.concepts.insert(id);
+            }
             world.program.concepts.push(concept);
         }
         attributes(world.modules, place, report);
@@ -39,7 +48,15 @@ pub(super) fn signatures(world: &mut World, report: &mut Report) {
     unify(world, report);
     for place in world.names.definitions.clone() {
         if let Some((tree, item)) = at(world.modules, place) {
+            let before = report.trouble();
             let definition = definition(tree, item, report);
+            let id = DefinitionId(count(&world.program.definitions));
+            if item.faults.head {
+                world.names.doubtful_definitions.insert(id);
+            }
+            if report.trouble() != before || world.names.doubtful_definitions.contains(&id) {
+                world.program.unsound.definitions.insert(id);
+            }
             world.program.definitions.push(definition);
         }
         attributes(world.modules, place, report);
@@ -47,10 +64,18 @@ pub(super) fn signatures(world: &mut World, report: &mut Report) {
     for (index, place) in world.names.functions.clone().into_iter().enumerate() {
         if let Some((tree, item)) = at(world.modules, place) {
             let library = world.modules.get(place.module).is_some_and(|m| m.library.is_some());
+            let before = report.trouble();
+            let id = FunctionId(u32::try_from(index).unwrap_or(u32::MAX));
             let function = function(world, tree, item, library, report);
+            if item.faults.head {
+                world.names.doubtful_functions.insert(id);
+            }
+            if report.trouble() != before || world.names.doubtful_functions.contains(&id) {
+                world.program.unsound.functions.insert(id);
+            }
             world.program.functions.push(function);
             if !library && matches!(item.kind, ItemKind::Function { export: true, .. }) {
-                world.program.exports.push(FunctionId(u32::try_from(index).unwrap_or(u32::MAX)));
+                world.program.exports.push(id);
             }
         }
         attributes(world.modules, place, report);
@@ -82,11 +107,12 @@ fn definition(tree: &Tree, item: &Item, report: &mut Report) -> Definition {
     let place = "an argument of an entity or operation";
     let types = params.iter().map(|p| (p, no_csg(tree, p.ty, place, report))).collect::<Vec<_>>();
     distinct(params.iter().map(|p| &p.name), report);
-    metadata(tree, params, report);
+    let kind = if *operation { "operation" } else { "entity" };
+    no_metadata(tree, params, &format!("the {kind} `{}`", name.text), report);
     Definition {
         name: name.text.clone(),
         operation: *operation,
-        params: types.into_iter().map(|(p, ty)| Param { name: p.name.text.clone(), ty }).collect(),
+        params: types.into_iter().map(|(p, ty)| Param::new(p.name.text.clone(), ty)).collect(),
         no_identity: item.attributes.iter().any(|a| is_no_identity(tree, a)),
         span: item.span,
     }
@@ -103,7 +129,8 @@ fn function(world: &World, tree: &Tree, item: &Item, library: bool, report: &mut
             span: item.span,
         };
     };
-    let export = *export && !library;
+    let written_export = *export;
+    let export = written_export && !library;
     let mut kept = Vec::new();
     for param in params {
         let ty = types::resolve(tree, param.ty, report);
@@ -111,9 +138,11 @@ fn function(world: &World, tree: &Tree, item: &Item, library: bool, report: &mut
             let message = format!("the parameter `{}` of the export `{}` is csg", param.name.text, name.text);
             report.push(csg_in_export(tree::type_expr(tree, param.ty).span, message));
         }
-        kept.push(Param { name: param.name.text.clone(), ty });
+        kept.push(Param::new(param.name.text.clone(), ty));
     }
-    metadata(tree, params, report);
+    if !written_export {
+        no_metadata(tree, params, &format!("the function `{}`", name.text), report);
+    }
     let result_type = match result {
         Some(result) => types::resolve(tree, *result, report),
         None if *define => Type::Csg,
@@ -153,14 +182,22 @@ fn no_csg(tree: &Tree, id: TypeId, place: &str, report: &mut Report) -> Type {
     Type::Error
 }
 
-/// Defaults and ranges are part of the language but not compiled yet.
-fn metadata(tree: &Tree, params: &[syntax::Param], report: &mut Report) {
+/// E0904: defaults and ranges belong to parameters of exports.
+fn no_metadata(tree: &Tree, params: &[syntax::Param], of: &str, report: &mut Report) {
     for param in params {
         let default = param.default.map(|d| tree::expr(tree, d).span);
         let range = param.range.map(|(lo, hi)| tree::expr(tree, lo).span.to(tree::expr(tree, hi).span));
-        if let Some(span) = default.or(range) {
-            types::later(report, span, "defaults and ranges of parameters are");
-        }
+        let (span, what) = match (default, range) {
+            (Some(default), _) => (default, "a default"),
+            (None, Some(range)) => (range, "a range"),
+            (None, None) => continue,
+        };
+        let message = format!("`{}`, a parameter of {of}, cannot have {what}", param.name.text);
+        report.push(
+            Diagnostic::new(Code::E0904, span, message)
+                .note("defaults and ranges tell a host about its arguments: they belong to parameters of exports")
+                .help("remove it, or give it to the parameter of the export that passes the value on"),
+        );
     }
 }
 
@@ -222,6 +259,11 @@ fn unify(world: &mut World, report: &mut Report) {
                         .label(theirs.span, format!("there it is `{}`", shown(theirs)))
                         .help("use the same types, or another name"),
                 );
+                // Which of them a use means is unknown.
+                world.program.unsound.concepts.insert(own);
+                if let Some(concept) = world.program.concepts.get_mut(own.0 as usize) {
+                    (concept.source, concept.target) = (Type::Error, Type::Error);
+                }
                 continue;
             }
             report.push(
@@ -248,29 +290,53 @@ pub(super) fn bodies(world: &mut World, report: &mut Report) -> AllUses {
     let declared = (0..world.program.functions.len()).filter(|i| !inferred.contains(i));
     let order: Vec<usize> = inferred.iter().copied().chain(declared).collect();
     for index in order {
+        let before = report.trouble();
         let (code, result, used) = function_body(world, index, report);
+        if report.trouble() != before {
+            world.program.unsound.functions.insert(FunctionId(u32::try_from(index).unwrap_or(u32::MAX)));
+        }
         if let (Some(function), Some(slot)) = (world.program.functions.get_mut(index), uses.functions.get_mut(index)) {
             function.code = code;
             function.result = result;
             *slot = used;
         }
     }
+    metadata::exports(world, report);
     for place in world.names.impls.clone() {
-        if let Some((implementation, used)) = impl_body(world, place, report) {
-            let key = (implementation.definition, implementation.concept);
-            let id = ImplId(u32::try_from(world.program.impls.len()).unwrap_or(u32::MAX));
-            let before = world.program.impl_of.get(&key).and_then(|i| world.program.impls.get(i.0 as usize));
-            match before.map(|b| b.span) {
-                Some(span) => report.push(second_impl(world, &implementation, span)),
-                None => {
-                    world.program.impl_of.insert(key, id);
-                }
+        let before = report.trouble();
+        let (implementation, used) = match impl_body(world, place, report) {
+            Ok(checked) => checked,
+            Err(known) => {
+                world.program.unsound.lost_impls.push(known);
+                continue;
             }
-            world.program.impls.push(implementation);
-            uses.impls.push(used);
+        };
+        let key = (implementation.definition, implementation.concept);
+        let id = ImplId(count(&world.program.impls));
+        if report.trouble() != before {
+            world.program.unsound.impls.insert(id);
         }
+        let first = world.program.impl_of.get(&key).copied();
+        match first.and_then(|i| Some((i, world.program.impls.get(i.0 as usize)?.span))) {
+            Some((first, span)) => {
+                report.push(second_impl(world, &implementation, span));
+                world.program.unsound.impls.insert(first);
+            }
+            None => {
+                world.program.impl_of.insert(key, id);
+            }
+        }
+        world.program.impls.push(implementation);
+        uses.impls.push(used);
+    }
+    if world.names.may_lack_impls() {
+        world.program.unsound.lost_impls.push((None, None));
     }
     uses
+}
+
+fn count<T>(list: &[T]) -> u32 {
+    u32::try_from(list.len()).unwrap_or(u32::MAX)
 }
 
 fn second_impl(world: &World, second: &Impl, first: Span) -> Diagnostic {
@@ -292,7 +358,7 @@ fn function_body(world: &World, index: usize, report: &mut Report) -> (typed::Co
     let ItemKind::Function { export, name, params, result, define, body: block } = &item.kind else {
         return nothing();
     };
-    let mut body = Body::new(world, tree, world.names.space(place.module), report);
+    let mut body = Body::new(world, tree, world.names.space(place.module), report).of_item(item);
     for (written, param) in params.iter().zip(&function.params) {
         body.parameter(&written.name.text, written.name.span, param.ty.clone());
     }
@@ -337,25 +403,33 @@ fn body_value(body: &mut Body, block: BlockId, expected: Option<&Type>, declared
     expected.clone()
 }
 
-/// Checks an impl; `None` if its node or concept is unknown.
-fn impl_body(world: &World, place: Place, report: &mut Report) -> Option<(Impl, Uses)> {
-    let (tree, item) = at(world.modules, place)?;
-    let ItemKind::Impl { node, operands, concept, args, body: block } = &item.kind else { return None };
+/// Checks an impl. If its node or concept is unknown, it answers what is known.
+fn impl_body(
+    world: &World,
+    place: Place,
+    report: &mut Report,
+) -> Result<(Impl, Uses), (Option<DefinitionId>, Option<ConceptId>)> {
+    let (tree, item) = at(world.modules, place).ok_or((None, None))?;
+    let ItemKind::Impl { node, operands, concept, args, body: block } = &item.kind else { return Err((None, None)) };
     let space = world.names.space(place.module);
     let definition = world.definition(space, node, report);
     let concept_id = world.concept(space, concept, report);
     let get_definition = |id: DefinitionId| world.program.definitions.get(id.0 as usize);
     let get_concept = |id: ConceptId| world.program.concepts.get(id.0 as usize);
     let (definition_of, concept_of) = (definition.and_then(get_definition), concept_id.and_then(get_concept));
-    if let Some(first) = operands.first().filter(|_| definition_of.is_some_and(|d| !d.operation)) {
+    let doubtful = definition.is_some_and(|d| world.names.doubtful_definitions.contains(&d));
+    if let Some(first) = operands.first().filter(|_| !doubtful && definition_of.is_some_and(|d| !d.operation)) {
         report.push(
             Diagnostic::new(Code::E0611, first.span, format!("`{}` is an entity and has no operands", node.text))
                 .help("remove the operands, or declare it as an `operation`"),
         );
     }
-    let sources = concept_of.map_or_else(|| vec![Type::Error; args.len()], |c| sources(c, concept, args, report));
-    let mut body = Body::new(world, tree, space, report);
-    body.lenient = definition.is_none() || concept_of.is_some_and(|_| sources.len() != args.len());
+    let sources = concept_of
+        .filter(|_| !item.faults.head)
+        .map_or_else(|| vec![Type::Error; args.len()], |c| sources(c, concept, args, report));
+    let mut body = Body::new(world, tree, space, report).of_item(item);
+    body.lenient =
+        definition.is_none() || doubtful || item.faults.head || concept_of.is_some_and(|_| sources.len() != args.len());
     for (name, ty) in args.iter().zip(&sources) {
         body.parameter(&name.text, name.span, ty.clone());
     }
@@ -374,15 +448,16 @@ fn impl_body(world: &World, place: Place, report: &mut Report) -> Option<(Impl, 
     body_value(&mut body, *block, Some(&target), concept_of.map(|c| c.span), &whom);
     let (code, uses) = body.finish();
     let head = names::head(world.files, item, tree::block(tree, *block).span);
+    let (Some(definition), Some(concept)) = (definition, concept_id) else { return Err((definition, concept_id)) };
     let implementation = Impl {
-        definition: definition?,
-        concept: concept_id?,
+        definition,
+        concept,
         sources: u32::try_from(args.len()).unwrap_or(u32::MAX),
         operands: u32::try_from(operands.len()).unwrap_or(u32::MAX),
         code,
         span: head,
     };
-    Some((implementation, uses))
+    Ok((implementation, uses))
 }
 
 /// The types of the names that an impl gives the concept's argument (LANGUAGE 11.2); E0611 if they do not fit.

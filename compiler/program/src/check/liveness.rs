@@ -3,30 +3,74 @@
 
 use isograd_syntax::{Code as Error, Diagnostic, Span};
 
+use super::Report;
 use crate::{
     Program, Type,
-    typed::{Branch, Code, Instruction, Loop, Slot},
+    typed::{Branch, Code, FunctionId, ImplId, Instruction, Loop, Slot},
 };
 
 /// A value of the flow: what it is made from is in [`Flow::sources`].
 type Value = usize;
 
-/// Marks the evals that cannot influence the value as not live; answers the warnings W0601 and W0502.
-pub(super) fn mark(code: &mut Code, program: &Program) -> Vec<Diagnostic> {
-    let mut flow = Flow::new(code, program);
+/// Per function: which of its parameters can influence its value; none is known of a function with errors.
+type Influences = Vec<Vec<bool>>;
+
+/// Marks the evals that cannot influence the value of their body as not live; reports W0601 and W0502. `order` are
+/// the functions, callees first: a call passes on what its callee uses. Bodies with errors are left alone.
+pub(super) fn mark(program: &mut Program, order: &[usize], report: &mut Report) {
+    let mut influences = vec![Vec::new(); program.functions.len()];
+    for index in order {
+        let id = FunctionId(u32::try_from(*index).unwrap_or(u32::MAX));
+        let Some(function) = program.functions.get_mut(*index).filter(|_| !program.unsound.functions.contains(&id))
+        else {
+            continue;
+        };
+        let params = function.params.len();
+        let mut code = std::mem::take(&mut function.code);
+        let used = mark_body(&mut code, program, &influences, params, report);
+        if let (Some(function), Some(place)) = (program.functions.get_mut(*index), influences.get_mut(*index)) {
+            function.code = code;
+            *place = used;
+        }
+    }
+    for index in 0..program.impls.len() {
+        let id = ImplId(u32::try_from(index).unwrap_or(u32::MAX));
+        let Some(found) = program.impls.get_mut(index).filter(|_| !program.unsound.impls.contains(&id)) else {
+            continue;
+        };
+        let mut code = std::mem::take(&mut found.code);
+        mark_body(&mut code, program, &influences, 0, report);
+        if let Some(found) = program.impls.get_mut(index) {
+            found.code = code;
+        }
+    }
+}
+
+/// One body; the answer is which of its first `params` slots' values, as they are at the start, can influence its own.
+fn mark_body(
+    code: &mut Code,
+    program: &Program,
+    influences: &Influences,
+    params: usize,
+    report: &mut Report,
+) -> Vec<bool> {
+    let mut flow = Flow::new(code, program, influences);
+    let arguments: Vec<Value> = (0..params).map(|_| flow.value(Vec::new(), false)).collect();
+    for (slot, value) in flow.slots.iter_mut().zip(&arguments) {
+        *slot = *value;
+    }
     for (index, (instruction, span)) in code.instructions.iter().enumerate() {
         flow.step(index, instruction, *span);
     }
     let live = flow.reach(&flow.stack, false);
     let read = flow.reach(&flow.loads, true);
-    let mut warnings = Vec::new();
     for (value, index) in &flow.evals {
         if live.get(*value) == Some(&true) {
             continue;
         }
         if let Some((Instruction::Eval { live, .. }, span)) = code.instructions.get_mut(*index) {
             *live = false;
-            warnings.push(
+            report.push(
                 Diagnostic::new(Error::W0601, *span, "the value of this `eval` is not used")
                     .note("it is checked, but not specialised: impls needed only here need not exist")
                     .help("use the value, or remove the `eval`"),
@@ -36,14 +80,14 @@ pub(super) fn mark(code: &mut Code, program: &Program) -> Vec<Diagnostic> {
     for (value, slot, span) in &flow.lost {
         if read.get(*value) == Some(&false) {
             let name = code.slots.get(slot.0 as usize).map_or("", |s| s.name.as_str());
-            warnings.push(
+            report.push(
                 Diagnostic::new(Error::W0502, *span, format!("this write to `{name}` is lost"))
                     .note("a block that is used as a value writes to copies, which end with it")
                     .help("use the `if` as a statement to keep the write, or bind a new name with `let`"),
             );
         }
     }
-    warnings
+    arguments.iter().map(|a| live.get(*a) == Some(&true)).collect()
 }
 
 /// An open construct.
@@ -67,6 +111,7 @@ enum Open {
 
 struct Flow<'a> {
     program: &'a Program,
+    influences: &'a Influences,
     /// What each value is made from.
     sources: Vec<Vec<Value>>,
     /// Whether a value only passes on one of its sources.
@@ -83,9 +128,10 @@ struct Flow<'a> {
 }
 
 impl<'a> Flow<'a> {
-    fn new(code: &Code, program: &'a Program) -> Self {
+    fn new(code: &Code, program: &'a Program, influences: &'a Influences) -> Self {
         let mut flow = Self {
             program,
+            influences,
             sources: Vec::new(),
             passes: Vec::new(),
             stack: Vec::new(),
@@ -151,25 +197,38 @@ impl<'a> Flow<'a> {
             Instruction::Drop => {
                 self.pop();
             }
-            Instruction::Pack(n) => {
+            Instruction::Pack(n) | Instruction::PackIntervals(n) => {
                 self.operation(*n as usize);
             }
             Instruction::Splat(_)
             | Instruction::Pick { .. }
+            | Instruction::SplatInterval(_)
+            | Instruction::End { .. }
+            | Instruction::PickInterval { .. }
+            | Instruction::MayBeNan
             | Instruction::Cast { .. }
             | Instruction::Neg(_)
             | Instruction::Not => {
                 self.operation(1);
             }
-            Instruction::Binary { .. } | Instruction::Diff => {
+            Instruction::Binary { .. } | Instruction::Diff | Instruction::Interval(_) => {
                 self.operation(2);
+            }
+            Instruction::Bound { .. } => {
+                self.operation(3);
             }
             Instruction::Builtin { args, .. } => {
                 self.operation(args.len());
             }
             Instruction::Call(id) => {
                 let function = self.program.functions.get(id.0 as usize);
-                self.operation(function.map_or(0, |f| f.params.len()));
+                let value = self.operation(function.map_or(0, |f| f.params.len()));
+                if let (Some(used), Some(sources)) =
+                    (self.influences.get(id.0 as usize).filter(|u| !u.is_empty()), self.sources.get_mut(value))
+                {
+                    let mut used = used.iter().copied();
+                    sources.retain(|_| used.next().unwrap_or(true));
+                }
             }
             Instruction::Node { definition, subtrees } => {
                 let definition = self.program.definitions.get(definition.0 as usize);

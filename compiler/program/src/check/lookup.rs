@@ -34,6 +34,10 @@ impl<'a> World<'a> {
                 report.push(ambiguous(name, &libraries));
                 None
             }
+            Lookup::Missing if self.names.may_exist(space, &name.text) => {
+                report.mute();
+                None
+            }
             Lookup::Missing => {
                 report.push(self.missing(space, name, kind, report.is_worth_it()));
                 None
@@ -94,7 +98,7 @@ impl<'a> World<'a> {
                 _ => "an entity",
             },
             Callee::Function(_) => "a function",
-            Callee::Builtin(_) | Callee::Diff | Callee::Later => "a built-in function",
+            Callee::Builtin(_) | Callee::Diff | Callee::Bound => "a built-in function",
         }
     }
 }
@@ -112,7 +116,8 @@ impl<'a> Body<'a> {
 
     /// E0301 or E0303 for a name that is no variable, once in a body.
     pub fn unknown_variable(&mut self, name: &'a str, span: Span, purpose: &str) {
-        if self.lenient || !self.unknown.insert((None, name)) {
+        if self.may_be_variable(name) || !self.unknown.insert((None, name)) {
+            self.report.mute();
             return;
         }
         let world = self.world;
@@ -150,6 +155,10 @@ impl<'a> Body<'a> {
     pub fn callee(&mut self, name: &'a Ident) -> Option<Callee> {
         match self.world.names.callee(self.space, &name.text) {
             Lookup::Found(callee) => Some(callee),
+            Lookup::Missing if self.world.names.may_exist(self.space, &name.text) => {
+                self.report.mute();
+                None
+            }
             Lookup::Ambiguous(libraries) => {
                 if self.unknown.insert((Some(Kind::Function), &name.text)) {
                     self.error(ambiguous(name, &libraries));

@@ -39,6 +39,17 @@ impl Body<'_> {
         }
         let text = self.operand_text(id);
         match (have, want) {
+            (Type::Interval(ends), want) if **ends == *want => {
+                Some(format!("take an end: `{text}.start` or `{text}.end`"))
+            }
+            (have, Type::Interval(ends)) if *have == **ends => {
+                let text = self.quote(id);
+                Some(format!("write the interval `[{text} .. {text}]`"))
+            }
+            (Type::Vector(n), Type::IntVector(m)) if n == m => {
+                Some(format!("cast it: `{text}::<{want}>` (truncates toward zero)"))
+            }
+            (Type::IntVector(n), Type::Vector(m)) if n == m => Some(format!("cast it: `{text}::<{want}>`")),
             (Type::Int | Type::Bool, Type::Real) => Some(format!("cast it: `{text}::<real>`")),
             (Type::Real, Type::Int) => Some(format!("cast it: `{text}::<int>` (truncates toward zero)")),
             (Type::Bool, Type::Int) => Some(format!("cast it: `{text}::<int>`")),

@@ -5,6 +5,7 @@ mod body;
 mod branches;
 mod builtins;
 mod calls;
+mod constants;
 mod cycles;
 mod expressions;
 mod items;
@@ -12,6 +13,7 @@ mod lists;
 mod liveness;
 mod lookup;
 mod messages;
+mod metadata;
 mod operators;
 mod statements;
 mod tree;
@@ -23,13 +25,13 @@ use crate::{
     load::{Loaded, Module},
     names::Names,
     report::Report,
-    typed::Program,
+    typed::{FunctionId, ImplId, Program},
 };
 
 /// The outcome of [`check`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Checked {
-    /// The typed program; meant for use only if no diagnostic is an error.
+    /// The typed program. If a diagnostic is an error, only what [`Program::unsound`] leaves may be elaborated.
     pub program: Program,
     /// What is wrong, in source order.
     pub diagnostics: Vec<Diagnostic>,
@@ -47,10 +49,15 @@ pub fn check(loaded: &Loaded, limits: &Limits) -> Checked {
         World { files: &loaded.files, modules: &loaded.modules, limits, names, program: Program::default() };
     items::signatures(&mut world, &mut report);
     let uses = items::bodies(&mut world, &mut report);
-    cycles::recursion(&world, &uses, &mut report);
-    cycles::self_building(&world, &uses, &mut report);
+    let (recursive, order) = cycles::recursion(&world, &uses, &mut report);
+    let self_building = cycles::self_building(&world, &uses, &mut report);
+    let mut program = world.program;
+    let number = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
+    program.unsound.functions.extend(recursive.into_iter().map(|f| FunctionId(number(f))));
+    program.unsound.impls.extend(self_building.into_iter().map(|i| ImplId(number(i))));
+    liveness::mark(&mut program, &order, &mut report);
     let (diagnostics, omitted_errors) = report.finish();
-    Checked { program: world.program, diagnostics, omitted_errors }
+    Checked { program, diagnostics, omitted_errors }
 }
 
 /// What the checker of a body sees.

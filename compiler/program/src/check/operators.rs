@@ -6,19 +6,22 @@ use isograd_syntax::{
     tree::{BinaryOp, ExprId, ExprKind, UnaryOp},
 };
 
-use super::{body::Body, statements::Want, tree};
+use super::{body::Body, constants, statements::Want, tree};
 use crate::{Type, typed::Instruction};
 
 /// The result's type of `left op right`; `None` if the operator is not defined for them (LANGUAGE 4.1).
 fn result(op: BinaryOp, left: &Type, right: &Type) -> Option<Type> {
-    use Type::{Bool, Int, Matrix, Quat, Real, Vector};
-    let number = matches!(left, Real | Int | Vector(_) | Matrix { .. });
+    use Type::{Bool, Int, IntVector, Interval, Matrix, Quat, Real, Vector};
+    if matches!(left, Interval(_)) || matches!(right, Interval(_)) {
+        return enclosed(op, left, right);
+    }
+    let number = matches!(left, Real | Int | Vector(_) | IntVector(_) | Matrix { .. });
     let identical = left == right;
     match op {
         BinaryOp::Add | BinaryOp::Sub => (identical && (number || *left == Quat)).then(|| left.clone()),
         BinaryOp::Mul => match (left, right) {
             (Real, Real) | (Int, Int) | (Quat, Quat) => Some(left.clone()),
-            (Vector(a), Vector(b)) => (a == b).then(|| left.clone()),
+            (Vector(a), Vector(b)) | (IntVector(a), IntVector(b)) => (a == b).then(|| left.clone()),
             (Vector(_) | Matrix { .. } | Quat, Real) => Some(left.clone()),
             (Real, Vector(_) | Matrix { .. } | Quat) => Some(right.clone()),
             (Matrix { columns, rows }, Matrix { columns: width, rows: inner }) => {
@@ -38,6 +41,22 @@ fn result(op: BinaryOp, left: &Type, right: &Type) -> Option<Type> {
         }
         BinaryOp::And | BinaryOp::Or => (*left == Bool && *right == Bool).then_some(Bool),
     }
+}
+
+/// Two intervals, or an interval and a plain value that is read as an interval of one point: of the type of the ends,
+/// or a real that scales them (LANGUAGE 4.2).
+fn enclosed(op: BinaryOp, left: &Type, right: &Type) -> Option<Type> {
+    let arithmetic = matches!(op, BinaryOp::Add | BinaryOp::Sub | BinaryOp::Mul | BinaryOp::Div | BinaryOp::Rem);
+    let readable = match (left, right) {
+        (Type::Interval(_), Type::Interval(_)) | (Type::Interval(_), Type::Real) | (Type::Real, Type::Interval(_)) => {
+            true
+        }
+        _ => left.ends() == right.ends(),
+    };
+    if !arithmetic || !readable {
+        return None;
+    }
+    result(op, left.ends(), right.ends()).map(Type::interval)
 }
 
 fn is_comparison(op: BinaryOp) -> bool {
@@ -71,9 +90,9 @@ impl Body<'_> {
             self.error(diagnostic);
             return Type::Error;
         };
-        if left_type == Type::Int
+        if left_type.ends() == &Type::Int
             && matches!(op, BinaryOp::Div | BinaryOp::Rem)
-            && matches!(tree::expr(self.tree, right).kind, ExprKind::Int(0))
+            && constants::int(self.tree, right) == Some(0)
         {
             self.error(
                 Diagnostic::new(Code::W0403, span, format!("int `{}` by 0 is always 0", op.text()))
@@ -91,6 +110,17 @@ impl Body<'_> {
         (left, left_type): (ExprId, &Type),
         (right, right_type): (ExprId, &Type),
     ) -> Diagnostic {
+        let interval = matches!(left_type, Type::Interval(_)) || matches!(right_type, Type::Interval(_));
+        if interval && is_comparison(op) {
+            let message = format!("`{}` cannot compare `{left_type}` and `{right_type}`", op.text());
+            let name = if matches!(left_type, Type::Interval(_)) { left } else { right };
+            let name = self.operand_text(name);
+            return Diagnostic::new(Code::E0804, op_span, message)
+                .label(self.expr_span(left), format!("this is `{left_type}`"))
+                .label(self.expr_span(right), format!("this is `{right_type}`"))
+                .note("intervals have no order")
+                .help(format!("compare an end: `{name}.start` or `{name}.end`"));
+        }
         if op == BinaryOp::Mul
             && let Some(diagnostic) = self.shapes(op_span, (left, left_type), (right, right_type))
         {
@@ -113,7 +143,10 @@ impl Body<'_> {
         (left, left_type): (ExprId, &Type),
         (right, right_type): (ExprId, &Type),
     ) -> Option<Diagnostic> {
-        let rule = match (left_type, right_type) {
+        if matches!(left_type, Type::Interval(_)) != matches!(right_type, Type::Interval(_)) {
+            return None;
+        }
+        let rule = match (left_type.ends(), right_type.ends()) {
             (Type::Matrix { columns, .. }, Type::Matrix { rows, .. }) => {
                 format!("the left matrix has {columns} columns, the right one {rows} rows; they must agree")
             }
@@ -149,6 +182,15 @@ impl Body<'_> {
             let (all, middle, right) = (self.quote(left), self.quote(middle), self.quote(right));
             return Some(format!("write `{all} && {middle} {} {right}`", op.text()));
         }
+        if let (Type::Interval(_), plain) | (plain, Type::Interval(_)) = (left_type, right_type) {
+            let at = if plain == right_type { right } else { left };
+            if matches!(plain, Int | Bool) {
+                return self.mend(at, plain, &Real);
+            }
+            let point = plain.clone().interval();
+            let (a, b) = if at == right { (left_type, &point) } else { (&point, right_type) };
+            return result(op, a, b).and_then(|_| self.mend(at, plain, &point));
+        }
         match (left_type, right_type) {
             (Bool, Bool) if op == BinaryOp::Eq => Some("write `(a && b) || (!a && !b)`".to_owned()),
             (Bool, Bool) if op == BinaryOp::Ne => Some("write `(a || b) && !(a && b)`".to_owned()),
@@ -157,6 +199,8 @@ impl Body<'_> {
             }
             (Real, Int | Bool) => self.mend(right, right_type, &Real),
             (Int | Bool, Real) => self.mend(left, left_type, &Real),
+            (Type::IntVector(n), Vector(_)) => self.mend(left, left_type, &Vector(*n)),
+            (Vector(_), Type::IntVector(n)) => self.mend(right, right_type, &Vector(*n)),
             (Vector(_), Int) => self.mend(right, right_type, &Real),
             (Int, Vector(_)) => self.mend(left, left_type, &Real),
             (Vector(_), Real) => self.mend(right, right_type, left_type),
@@ -180,7 +224,16 @@ impl Body<'_> {
         }
         match (op, ty) {
             (UnaryOp::Not, Type::Bool) => self.emit(Instruction::Not, span),
-            (UnaryOp::Neg, Type::Real | Type::Int | Type::Vector(_) | Type::Matrix { .. } | Type::Quat) => {
+            (
+                UnaryOp::Neg,
+                Type::Real
+                | Type::Int
+                | Type::Vector(_)
+                | Type::IntVector(_)
+                | Type::Matrix { .. }
+                | Type::Quat
+                | Type::Interval(_),
+            ) => {
                 self.emit(Instruction::Neg(ty.clone()), span);
             }
             _ => {

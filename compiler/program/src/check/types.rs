@@ -1,5 +1,5 @@
-//! Types as written become [`Type`]s (LANGUAGE 3.1). Knows the words of all types, those of later versions included;
-//! knows nothing of values.
+//! Types as written become [`Type`]s (LANGUAGE 3.1). Knows the words of all types and what other languages
+//! call them; knows nothing of values.
 
 use isograd_syntax::{
     Code, Diagnostic, Span,
@@ -9,8 +9,8 @@ use isograd_syntax::{
 use super::{Report, tree};
 use crate::{Type, suggest::similar};
 
-const SUPPORTED: &str =
-    "supported are real, int, bool, vec2 to vec4, mat2 to mat4, mat2x3 and the like, quat, tuples and csg";
+const SUPPORTED: &str = "supported are real, int, bool, vec2 to vec4 of reals or ints, mat2 to mat4, mat2x3 and the like, quat, tuples, \
+     intervals of real, int, vectors and matrices of reals, and csg";
 
 /// The words of the type language, for suggestions.
 const WORDS: [&str; 12] =
@@ -47,10 +47,14 @@ pub(super) fn resolve(tree: &Tree, id: TypeId, report: &mut Report) -> Type {
         }
         TypeKind::Interval(inner) => {
             let inner = resolve(tree, *inner, report);
-            if inner == Type::Csg {
-                csg_inside(report, written.span, "an interval");
-            } else {
-                later(report, written.span, "interval types are");
+            match inner {
+                Type::Error => {}
+                Type::Csg => csg_inside(report, written.span, "an interval"),
+                inner if inner.is_end() => return inner.interval(),
+                inner => {
+                    let message = format!("an interval cannot have ends of type `{inner}`");
+                    unsupported(report, written.span, &message);
+                }
             }
             Type::Error
         }
@@ -69,14 +73,14 @@ pub(super) fn resolve(tree: &Tree, id: TypeId, report: &mut Report) -> Type {
                 Some(shape) => match element {
                     None | Some((Type::Real, _)) => shape,
                     Some((Type::Error, _)) => Type::Error,
-                    Some((Type::Int, _)) if matches!(shape, Type::Vector(_)) => {
-                        later(report, written.span, "vectors of int are");
-                        Type::Error
-                    }
-                    Some((_, inner)) => {
-                        unsupported(report, inner.span, &format!("`{name}` holds reals only"));
-                        Type::Error
-                    }
+                    Some((element, inner)) => match (element, shape) {
+                        (Type::Int, Type::Vector(n)) => Type::IntVector(n),
+                        (_, shape) => {
+                            let what = if matches!(shape, Type::Vector(_)) { "reals or ints" } else { "reals only" };
+                            unsupported(report, inner.span, &format!("`{name}` holds {what}"));
+                            Type::Error
+                        }
+                    },
                 },
                 None => word(name, element.is_some(), written.span, report),
             }
@@ -136,14 +140,6 @@ fn shape(name: &str) -> Option<Type> {
 
 fn unsupported(report: &mut Report, span: Span, message: &str) {
     report.push(Diagnostic::new(Code::E0410, span, message).note(SUPPORTED));
-}
-
-/// E1101; `feature` ends with its verb.
-pub(super) fn later(report: &mut Report, span: Span, feature: &str) {
-    report.push(
-        Diagnostic::new(Code::E1101, span, format!("{feature} not yet supported"))
-            .note("they are part of the language and will be compiled by a later version"),
-    );
 }
 
 fn csg_inside(report: &mut Report, span: Span, place: &str) {

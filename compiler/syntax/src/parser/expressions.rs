@@ -111,6 +111,7 @@ impl Parser<'_> {
         let constant = match token.kind {
             K::Ident => return self.name_or_call(token),
             K::Eval => return self.eval(token),
+            word if self.is_keyword_name(word) => ExprKind::Name(self.written(token).to_owned()),
             K::LParen => return self.parentheses(token),
             K::LBracket => return self.list_literal(token),
             K::If | K::For => return self.nested_head(token),
@@ -141,6 +142,16 @@ impl Parser<'_> {
         Ok(self.push_expr(constant, self.since(token)))
     }
 
+    /// Whether a keyword stands for a name that it was wrongly given to, and can mean nothing else here.
+    fn is_keyword_name(&mut self, word: K) -> bool {
+        let has_meaning = match word {
+            K::For => self.peek(1).kind == K::Ident,
+            K::If | K::Let | K::Csg | K::True | K::False | K::Inf | K::Pi | K::Euler => true,
+            _ => !word.is_keyword(),
+        };
+        !has_meaning && self.keyword_names.contains(&word)
+    }
+
     /// `x`, `f(args)`, `N(args){ … }{ … }`, or the \[24\] form `x.C(args)`.
     fn name_or_call(&mut self, token: Token) -> Parse<ExprId> {
         if self.peek(1).kind == K::Dot && self.peek(2).kind == K::Ident && self.peek(3).kind == K::LParen {
@@ -164,7 +175,11 @@ impl Parser<'_> {
         if !self.at(K::LParen) {
             return self.unexpected("`(`");
         }
-        Ok(self.bracketed(K::RParen, |p, open| p.exprs(open, K::RParen, Vec::new()))?.unwrap_or_default().0)
+        let start = self.current();
+        match self.bracketed(K::RParen, |p, open| p.exprs(open, K::RParen, Vec::new()))? {
+            Some((args, _)) => Ok(args),
+            None => Ok(vec![self.hole(start)]),
+        }
     }
 
     fn exprs(&mut self, open: Token, close: K, items: Vec<ExprId>) -> Parse<(Vec<ExprId>, bool)> {
@@ -289,8 +304,17 @@ impl Parser<'_> {
                     p.close(open, K::RBracket, "")?;
                     Ok(ExprKind::Interval { lo: first, hi })
                 }
-                _ if p.separator(open, K::RBracket)? => Ok(ExprKind::List(p.exprs(open, K::RBracket, vec![first])?.0)),
-                _ => Ok(ExprKind::List(vec![first])),
+                _ => {
+                    let (more, complete) = p.separator(open, K::RBracket)?;
+                    let mut items = vec![first];
+                    if !complete {
+                        items.push(p.hole(open));
+                    }
+                    if more {
+                        items = p.exprs(open, K::RBracket, items)?.0;
+                    }
+                    Ok(ExprKind::List(items))
+                }
             }
         })?;
         Ok(self.push_expr(read.unwrap_or(ExprKind::Error), self.since(start)))
@@ -302,6 +326,7 @@ impl Parser<'_> {
             Ok(value) => Ok(value),
             Err(Abort) => {
                 self.sync_list(K::RBracket)?;
+                self.give_up(start);
                 Ok(self.hole(start))
             }
         }
@@ -403,6 +428,7 @@ impl Parser<'_> {
     /// What stands before a block: calls in it take no blocks (LANGUAGE 2.2). A broken head is skipped, so that its
     /// block is read as one.
     fn head<T>(&mut self, read: impl FnOnce(&mut Self) -> Parse<T>, hole: impl FnOnce(&mut Self) -> T) -> Parse<T> {
+        let start = self.current();
         let in_head = std::mem::replace(&mut self.in_head, true);
         self.open_heads += 1;
         let mut result = read(self);
@@ -415,6 +441,7 @@ impl Parser<'_> {
             Ok(value) => Ok(value),
             Err(Abort) => {
                 self.sync_block()?;
+                self.give_up(start);
                 Ok(hole(self))
             }
         }

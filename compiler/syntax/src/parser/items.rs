@@ -2,7 +2,7 @@
 
 use super::{Abort, K, Parse, Parser};
 use crate::lexer::Token;
-use crate::tree::{Attribute, BlockId, ExprId, Ident, Item, ItemKind, Param, TypeId};
+use crate::tree::{Attribute, ExprId, Faults, Ident, Item, ItemKind, Param, TypeId};
 
 /// What stands between an impl's word and its body.
 struct ImplHeader {
@@ -15,10 +15,21 @@ struct ImplHeader {
 impl Parser<'_> {
     pub(super) fn file(&mut self) {
         while !self.at(K::End) {
+            let start = self.current();
             match self.item() {
                 Ok(item) => self.tree.items.push(item),
-                Err(Abort) => self.sync_item(),
+                Err(Abort) => {
+                    self.sync_item();
+                    self.lost.push((start.start, self.previous.end));
+                }
             }
+        }
+    }
+
+    /// What follows the item read last is none: that item may have ended too early.
+    fn distrust_last(&mut self) {
+        if let Some(last) = self.tree.items.last_mut() {
+            last.faults = Faults { head: last.faults.head, any: true, nesting: true };
         }
     }
 
@@ -33,7 +44,10 @@ impl Parser<'_> {
 
     fn item(&mut self) -> Parse<Item> {
         self.too_deep = false;
+        self.broken_head = false;
+        self.keyword_names.clear();
         let mut doc = self.doc();
+        let (errors, mismatches) = (self.errors(), self.mismatches);
         let mut attributes = Vec::new();
         while self.at(K::Hash) {
             attributes.push(self.attribute()?);
@@ -42,7 +56,12 @@ impl Parser<'_> {
         let start = self.current();
         let kind = self.item_kind(start)?;
         let doc = if doc.is_empty() { None } else { Some(doc.join("\n")) };
-        Ok(Item { doc, attributes, kind, span: self.since(start) })
+        let faults = Faults {
+            head: self.broken_head,
+            any: self.errors() != errors || self.mismatches != mismatches,
+            nesting: self.mismatches != mismatches,
+        };
+        Ok(Item { doc, attributes, kind, span: self.since(start), faults })
     }
 
     fn item_kind(&mut self, start: Token) -> Parse<ItemKind> {
@@ -64,6 +83,7 @@ impl Parser<'_> {
                 self.untyped_function(false)
             }
             _ => {
+                self.distrust_last();
                 if self.unclosed > 0 {
                     self.unclosed -= 1;
                 } else {
@@ -133,7 +153,9 @@ impl Parser<'_> {
     fn definition(&mut self, start: Token) -> Parse<ItemKind> {
         self.bump();
         let name = self.name("a name", &[K::LParen])?;
+        let errors = self.errors();
         let params = self.params()?;
+        self.broken_head = self.errors() != errors;
         self.end_of_item();
         Ok(ItemKind::Definition { operation: start.kind == K::Operation, name, params })
     }
@@ -157,7 +179,9 @@ impl Parser<'_> {
 
     fn implementation(&mut self) -> Parse<ItemKind> {
         self.bump();
+        let errors = self.errors();
         let header = self.impl_header();
+        self.broken_head = self.errors() != errors;
         if header.is_err() {
             self.sync_block()?;
         }
@@ -198,9 +222,12 @@ impl Parser<'_> {
     /// `fn name(params) -> R { … }`, after the word.
     fn function(&mut self, export: bool) -> Parse<ItemKind> {
         let name = self.name("the name of the function", &[K::LParen])?;
+        let (start, errors) = (self.current(), self.errors());
         let params = self.params();
         let result = if params.is_ok() { self.result_type() } else { Err(Abort) };
-        let (result, body) = self.typed_body(result)?;
+        let result = self.typed_head(result)?;
+        self.end_of_head(start, errors);
+        let body = self.block()?;
         let params = params.unwrap_or_default();
         Ok(ItemKind::Function { export, name, params, result: Some(result), define: false, body })
     }
@@ -213,26 +240,35 @@ impl Parser<'_> {
         if self.at(K::LBrace) { Ok(ty) } else { self.unexpected("`{`") }
     }
 
-    fn typed_body(&mut self, result: Parse<TypeId>) -> Parse<(TypeId, BlockId)> {
-        let result = match result {
-            Ok(ty) => ty,
+    fn typed_head(&mut self, result: Parse<TypeId>) -> Parse<TypeId> {
+        match result {
+            Ok(ty) => Ok(ty),
             Err(Abort) => {
                 self.sync_block()?;
                 let at = self.current();
-                self.error_type(at)
+                Ok(self.error_type(at))
             }
-        };
-        Ok((result, self.block()?))
+        }
+    }
+
+    /// Before the block of a function: whether its head has errors, so that names in it may be parameters.
+    fn end_of_head(&mut self, start: Token, errors: u64) {
+        self.broken_head = self.errors() != errors;
+        if self.broken_head {
+            self.give_up(start);
+        }
     }
 
     /// `export name(params) { … }` and `define name(params) { … }`, after the word \[24\].
     fn untyped_function(&mut self, export: bool) -> Parse<ItemKind> {
         let what = if export { "`fn` or the name of the export" } else { "the name of the function" };
         let name = self.name(what, &[K::LParen])?;
+        let (start, errors) = (self.current(), self.errors());
         let params = self.params();
         if params.is_err() {
             self.sync_block()?;
         }
+        self.end_of_head(start, errors);
         let body = self.block()?;
         let params = params.unwrap_or_default();
         Ok(ItemKind::Function { export, name, params, result: None, define: !export, body })

@@ -31,7 +31,9 @@ pub struct Parsed {
 pub fn parse(file: FileId, text: &str, limits: &Limits) -> Parsed {
     let mut parser = Parser::new(file, text, limits);
     parser.file();
+    let (skipped, lost) = (parser.names_in(&parser.given_up), parser.names_in(&parser.lost));
     let Parser { tree, mut diagnostics, omitted, .. } = parser;
+    let tree = Tree { skipped, lost, ..tree };
     diagnostics.sort_by_key(|d| d.labels.first().map(|l| (l.span.start, l.span.end)));
     Parsed { tree, diagnostics, omitted }
 }
@@ -77,6 +79,16 @@ struct Parser<'a> {
     in_bare_block: bool,
     /// Blocks that were given up at the next item; their `}` may still come.
     unclosed: u64,
+    /// Brackets that did not match, so far.
+    mismatches: u64,
+    /// Keywords that were reported where a name of this item is defined: later they are read as that name.
+    keyword_names: Vec<K>,
+    /// Whether the head of this item has an error.
+    broken_head: bool,
+    /// Ranges of text inside of items that were given up, in source order, none in another.
+    given_up: Vec<(usize, usize)>,
+    /// The same between items.
+    lost: Vec<(usize, usize)>,
 }
 
 impl<'a> Parser<'a> {
@@ -103,7 +115,47 @@ impl<'a> Parser<'a> {
             open_heads: 0,
             in_bare_block: false,
             unclosed: 0,
+            mismatches: 0,
+            keyword_names: Vec::new(),
+            broken_head: false,
+            given_up: Vec::new(),
+            lost: Vec::new(),
         }
+    }
+
+    /// How many errors were found so far.
+    fn errors(&self) -> u64 {
+        self.diagnostics.len() as u64 + self.omitted
+    }
+
+    /// What was read from `start` to here is left out of the tree, or not all that stands there is in it.
+    fn give_up(&mut self, start: Token) {
+        let end = self.previous.end;
+        while self.given_up.last().is_some_and(|(from, _)| *from >= start.start) {
+            self.given_up.pop();
+        }
+        if start.start < end {
+            self.given_up.push((start.start, end));
+        }
+    }
+
+    /// The names in ranges of the text.
+    fn names_in(&self, ranges: &[(usize, usize)]) -> Vec<Ident> {
+        let mut names = Vec::new();
+        for (start, end) in ranges {
+            let mut lexer = self.lexer.clone();
+            lexer.seek(*start);
+            loop {
+                let token = lexer.token();
+                if token.kind == K::End || token.end > *end {
+                    break;
+                }
+                if token.kind == K::Ident {
+                    names.push(self.ident(token));
+                }
+            }
+        }
+        names
     }
 
     /// The token `distance` after the current one.
@@ -180,6 +232,7 @@ impl<'a> Parser<'a> {
             return self.unexpected(what);
         }
         self.bump();
+        self.keyword_names.push(token.kind);
         self.report(|p| {
             let word = token.kind.text();
             Diagnostic::new(Code::E0204, p.span(token), format!("the keyword `{word}` cannot be used as a name"))
@@ -281,31 +334,37 @@ impl<'a> Parser<'a> {
                 Ok(item) => items.push(item),
                 Err(Abort) => {
                     self.sync_list(close)?;
+                    self.give_up(start);
                     items.extend(hole(self, start));
                 }
             }
-            if !self.separator(open, close)? {
+            let (more, complete) = self.separator(open, close)?;
+            if !complete {
+                items.extend(hole(self, start));
+            }
+            if !more {
                 return Ok((items, false));
             }
         }
     }
 
-    /// After an element: true after a comma, false after the end.
-    fn separator(&mut self, open: Token, close: K) -> Parse<bool> {
+    /// After an element: whether a comma was there, and whether nothing unreadable was before that or the end.
+    fn separator(&mut self, open: Token, close: K) -> Parse<(bool, bool)> {
         if self.eat(K::Comma) {
-            return Ok(true);
+            return Ok((true, true));
         }
-        self.close(open, close, "`,` or ")?;
-        Ok(self.previous.kind == K::Comma)
+        let complete = self.close(open, close, "`,` or ")?;
+        Ok((self.previous.kind == K::Comma, complete))
     }
 
     /// Consumes `close`, or reports and recovers; `or` says what else may stand here, and if that is a comma, it may
-    /// be what is consumed instead.
-    fn close(&mut self, open: Token, close: K, or: &str) -> Parse<()> {
+    /// be what is consumed instead. Whether `close` was there.
+    fn close(&mut self, open: Token, close: K, or: &str) -> Parse<bool> {
         if self.eat(close) {
-            return Ok(());
+            return Ok(true);
         }
-        let found = self.kind();
+        let start = self.current();
+        let found = start.kind;
         let other_closer = matches!(found, K::RParen | K::RBracket);
         let head_ends = found == K::LBrace && self.open_heads > 0;
         if other_closer || head_ends || self.ends_brackets() {
@@ -313,7 +372,7 @@ impl<'a> Parser<'a> {
             if other_closer && !self.closers.contains(&found) {
                 self.bump();
             }
-            return Ok(());
+            return Ok(false);
         }
         let _: Parse<()> = self.unexpected(&format!("{or}`{}`", close.text()));
         self.sync_list(close)?;
@@ -321,7 +380,8 @@ impl<'a> Parser<'a> {
             self.sync_list(close)?;
         }
         self.bump();
-        Ok(())
+        self.give_up(start);
+        Ok(false)
     }
 
     fn report(&mut self, diagnostic: impl FnOnce(&Self) -> Diagnostic) {
@@ -380,6 +440,7 @@ impl<'a> Parser<'a> {
     #[cold]
     #[inline(never)]
     fn report_unclosed(&mut self, open: Token, close: K) {
+        self.mismatches += 1;
         let found = self.current();
         if self.quiet_at == Some(found.start) || matches!(found.kind, K::Bad(_)) {
             return;

@@ -32,10 +32,14 @@ impl Parser<'_> {
                 self.unclosed += 1;
                 break;
             }
+            let start = self.current();
             match self.part() {
                 Ok(Part::Stmt(stmt)) => stmts.push(stmt),
                 Ok(Part::Value(expr)) => value = Some(expr),
-                Err(Abort) => self.sync_statement(),
+                Err(Abort) => {
+                    self.sync_statement();
+                    self.give_up(start);
+                }
             }
         }
         Ok((stmts, value))
@@ -78,8 +82,7 @@ impl Parser<'_> {
                     self.component_assignment(value);
                     StmtKind::Empty
                 } else {
-                    self.end_of_statement(value, "`;` or `}`");
-                    StmtKind::Expr(value)
+                    StmtKind::Expr(self.end_of_statement(value, "`;` or `}`"))
                 }
             }
         };
@@ -108,22 +111,21 @@ impl Parser<'_> {
     fn value(&mut self) -> ExprId {
         let start = self.current();
         match self.expr() {
-            Ok(value) => {
-                self.end_of_statement(value, "`;`");
-                value
-            }
+            Ok(value) => self.end_of_statement(value, "`;`"),
             Err(Abort) => {
                 self.sync_statement();
+                self.give_up(start);
                 self.hole(start)
             }
         }
     }
 
     /// The `;` of a statement. Where it is missing at the end of a line, or before what can only come after it, the
-    /// statement is taken to end there.
-    fn end_of_statement(&mut self, value: ExprId, expected: &str) {
+    /// statement is taken to end there; otherwise its value is known in part only, or, if all that was read is a
+    /// name, not at all: it may be a word that the language does not have.
+    fn end_of_statement(&mut self, value: ExprId, expected: &str) -> ExprId {
         if self.eat(K::Semi) {
-            return;
+            return value;
         }
         let found = self.current();
         if !matches!(self.expr_kind(value), ExprKind::Error) {
@@ -131,9 +133,17 @@ impl Parser<'_> {
         }
         let between = self.text.get(self.previous.end..found.start).unwrap_or("");
         let starts_statement = matches!(found.kind, K::Ident | K::Let | K::Csg | K::For | K::If | K::RBrace | K::Eval);
-        if !(starts_statement && (between.contains('\n') || found.kind == K::RBrace)) {
-            self.sync_statement();
+        if starts_statement && (between.contains('\n') || found.kind == K::RBrace) {
+            return value;
         }
+        self.sync_statement();
+        self.give_up(found);
+        let span = self.expr_span(value);
+        let kind = match self.expr_kind(value) {
+            ExprKind::Name(_) | ExprKind::Error => ExprKind::Error,
+            _ => ExprKind::Partial(value),
+        };
+        self.push_expr(kind, span)
     }
 
     /// A block that belongs to nothing: read for its own errors, and dropped.

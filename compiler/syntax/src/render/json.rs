@@ -3,8 +3,8 @@
 
 use serde_json::{Value, json};
 
-use super::clamp;
-use crate::{Diagnostic, Files, Label, Severity};
+use super::{Place, Position, level};
+use crate::{Diagnostic, Files, Label};
 
 /// An array of `{code, severity, message, labels: [{file, start, end, text}], notes, help}`, where `start` and `end`
 /// are `{line, column, byte}`: line and column from 1, columns in characters, bytes from 0.
@@ -16,10 +16,7 @@ pub fn json(diagnostics: &[Diagnostic], files: &Files) -> Value {
 fn diagnostic(diagnostic: &Diagnostic, files: &Files) -> Value {
     json!({
         "code": diagnostic.code.name(),
-        "severity": match diagnostic.code.severity() {
-            Severity::Error => "error",
-            Severity::Warning => "warning",
-        },
+        "severity": level(diagnostic.code.severity()),
         "message": diagnostic.message,
         "labels": diagnostic.labels.iter().map(|l| label(l, files)).collect::<Vec<_>>(),
         "notes": diagnostic.notes,
@@ -28,16 +25,10 @@ fn diagnostic(diagnostic: &Diagnostic, files: &Files) -> Value {
 }
 
 fn label(label: &Label, files: &Files) -> Value {
-    let file = files.get(label.span.file);
-    let (start, end) = file.map_or((0, 0), |f| clamp(&f.text, label.span.start, label.span.end));
-    let position = |byte: usize| {
-        let (line, column) = files.position(label.span.file, u32::try_from(byte).unwrap_or(u32::MAX));
-        json!({ "line": line, "column": column, "byte": byte })
-    };
-    json!({
-        "file": file.map(|f| f.name.as_str()),
-        "start": position(start),
-        "end": position(end),
-        "text": label.text,
-    })
+    let place = Place::of(label.span, files);
+    json!({ "file": place.file, "start": position(place.start), "end": position(place.end), "text": label.text })
+}
+
+fn position(at: Position) -> Value {
+    json!({ "line": at.line, "column": at.column, "byte": at.byte })
 }

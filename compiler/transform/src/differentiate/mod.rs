@@ -9,6 +9,7 @@
 mod activity;
 mod forward;
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use isograd_graph::{Exhausted, Graph, Node, NodeId, Origin, Watch};
@@ -98,6 +99,35 @@ pub fn differentiate(
             return Err(DifferentiateError::Growing(graph.origin(first.node)));
         }
     }
+}
+
+/// The `diff`s on a path from what they differentiate by to what they differentiate; the value of any other is 0
+/// (LANGUAGE 13.2). Stops early, and calls all others active, if time is up.
+#[must_use]
+pub fn active_diffs(graph: &Graph, watch: &dyn Watch) -> BTreeSet<NodeId> {
+    let mut diffs: Vec<Diff> = graph
+        .iter()
+        .filter_map(|(node, n)| match n {
+            Node::Diff { value, wrt } => Some(Diff { node, value, wrt }),
+            _ => None,
+        })
+        .collect();
+    let mut active = BTreeSet::new();
+    for batch in batches(&diffs) {
+        if watch.expired() {
+            break;
+        }
+        let activity = activity::Activity::of(graph, &batch);
+        diffs.retain(|d| {
+            let Some(bit) = activity.seed(d.wrt) else { return true };
+            if activity.active(d.value) & bit != 0 {
+                active.insert(d.node);
+            }
+            false
+        });
+    }
+    active.extend(diffs.iter().map(|d| d.node));
+    active
 }
 
 /// The distinct seeds in order, at most [`BATCH`] at a time.
