@@ -260,13 +260,10 @@ fn query(text: &str) -> Result<Query, String> {
 }
 
 fn library(text: &str) -> Result<(String, PathBuf), String> {
-    match assignment(text)? {
-        (name, directory) => {
-            let directory = PathBuf::from(directory);
-            usable(&name, &directory)?;
-            Ok((name, directory))
-        }
-    }
+    let (name, directory) = assignment(text)?;
+    let directory = PathBuf::from(directory);
+    usable(&name, &directory)?;
+    Ok((name, directory))
 }
 
 /// Whether a library can have this name and directory.

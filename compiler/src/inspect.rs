@@ -8,7 +8,7 @@ use isograd_graph::{Graph, NodeId, Watch};
 use isograd_program::Program;
 use isograd_program::typed::FunctionId;
 use isograd_syntax::{Code, Diagnostic, Diagnostics, Span};
-use isograd_transform::{active_diffs, derive, differentiate};
+use isograd_transform::{Sweep, active_diffs, derive, differentiate};
 
 use crate::pipeline::{Checked, Options, Steps, reported};
 use crate::wanted::Wanting;
@@ -65,7 +65,7 @@ fn of_export(
     watch.step("differentiate");
     let derived = derive(&elaborated.graph, &wanting.scalars, nodes, watch).map_err(|e| steps.exhausted(e));
     let result =
-        derived.and_then(|g| differentiate(g, limits.diff_order, nodes, watch).map_err(|e| steps.underivable(e)));
+        derived.and_then(|g| differentiate(g, Sweep::Forward, limits.diff_order, nodes, watch).map_err(|e| steps.underivable(e)));
     found.extend(result.err().into_iter().flatten());
     found
 }

@@ -9,7 +9,7 @@ use isograd_program::typed::{Function, FunctionId, Param};
 use isograd_program::{Loader, Program, Type};
 use isograd_syntax::tree::Tree;
 use isograd_syntax::{Code, Diagnostic, Diagnostics, FileId, Files, Limits};
-use isograd_transform::{DifferentiateError, derive, differentiate, fold, kernels, optimise, schedule};
+use isograd_transform::{DifferentiateError, Sweep, derive, differentiate, fold, kernels, optimise, schedule};
 use isograd_wasm::{EmitError, Plan};
 
 use crate::inspect::Influences;
@@ -264,7 +264,7 @@ fn run(
     let graph = steps.checked("derive", graph, observe)?;
 
     watch.step("differentiate");
-    let graph = differentiate(graph, limits.diff_order, nodes, watch).map_err(|e| steps.underivable(e))?;
+    let graph = differentiate(graph, Sweep::Forward, limits.diff_order, nodes, watch).map_err(|e| steps.underivable(e))?;
     let graph = steps.checked("differentiate", graph, observe)?;
 
     let precision = request.precision;

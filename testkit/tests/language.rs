@@ -9,6 +9,7 @@
 //! //= 1,2 => 3                 flattened arguments, flattened result; bools are 0 and 1
 //! //= gradient(p): 1,2 => 3    the result of a query
 //! //! E0506 E0506              codes that must be among the diagnostics; W codes do not stop the program
+//! //! only E0201 W0701         the same, and there is no other error
 //! //? E1101 intervals          not supported yet: must answer with this code, until it is, when the case fails
 //! ```
 
@@ -19,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 
-use isograd_compiler::{Checked, Precision, Query};
+use isograd_compiler::{Checked, Diagnostic, Precision, Query, Unwatched, inspect};
 use isograd_graph::Value;
 use isograd_program::typed::Function;
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -54,6 +55,8 @@ struct Case {
     source: String,
     checks: Vec<Check>,
     codes: Vec<String>,
+    /// Whether no other errors are allowed.
+    only: bool,
     /// The code that says it is not supported yet.
     pending: Option<String>,
 }
@@ -83,7 +86,8 @@ fn parse(file: &Path) -> Vec<Case> {
                     export = "f";
                     let (checks, codes) = (Vec::new(), Vec::new());
                     let name = format!("{stem}: {rest}");
-                    cases.push(Case { name, source: preamble.clone(), checks, codes, pending: None });
+                    let source = preamble.clone();
+                    cases.push(Case { name, source, checks, codes, only: false, pending: None });
                 }
                 "//+" => {
                     let included = file.with_file_name(rest);
@@ -96,7 +100,11 @@ fn parse(file: &Path) -> Vec<Case> {
         };
         match directive {
             "//@" => export = rest,
-            "//!" => case.codes.extend(rest.split_whitespace().map(str::to_owned)),
+            "//!" => {
+                let codes = rest.strip_prefix("only").map(str::trim_start);
+                case.only |= codes.is_some();
+                case.codes.extend(codes.unwrap_or(rest).split_whitespace().map(str::to_owned));
+            }
             "//?" => case.pending = rest.split_whitespace().next().map(str::to_owned),
             "//=" => {
                 let (query, row) = rest.split_once(": ").unwrap_or(("value", rest));
@@ -113,7 +121,7 @@ fn parse(file: &Path) -> Vec<Case> {
         }
     }
     for case in &cases {
-        assert!(!case.checks.is_empty() || !case.codes.is_empty(), "{} expects nothing", case.name);
+        assert!(case.only || !case.checks.is_empty() || !case.codes.is_empty(), "{} expects nothing", case.name);
     }
     cases
 }
@@ -124,16 +132,20 @@ fn numbers(list: &str) -> Vec<f64> {
 
 fn run(case: &Case) -> Result<(), Failed> {
     let checked = support::check(&case.source);
-    let mut found: Vec<&str> = checked.diagnostics.iter().map(|d| d.code.name()).collect();
-    // Faults of one export show when it is compiled.
-    let mut late = Vec::new();
+    let diagnostics = inspect(&checked, &support::options(), || Unwatched);
+    let found: Vec<&str> = diagnostics.iter().map(|d| d.code.name()).collect();
+    let all = || format!("found {found:?}\n{}", support::listed(&diagnostics));
+    // What compiling says of each export is among what inspecting says of all.
     for export in checked.exports() {
-        match support::compile(&checked, &export.name) {
-            Ok(warnings) | Err(warnings) => late.extend(warnings),
+        let (Ok(late) | Err(late)) = support::compile(&checked, &export.name);
+        for d in late {
+            let same =
+                |o: &Diagnostic| (o.code, &o.message, o.labels.first()) == (d.code, &d.message, d.labels.first());
+            if d.is_error() && !diagnostics.iter().any(same) {
+                return Err(format!("only compiling `{}` says {}: {}", export.name, d.code.name(), d.message).into());
+            }
         }
     }
-    found.extend(late.iter().map(|d| d.code.name()));
-    let all = || format!("found {found:?}\n{}{}", support::listed(&checked.diagnostics), support::listed(&late));
 
     if let Some(code) = &case.pending {
         return if found.contains(&code.as_str()) { Ok(()) } else { Err(format!("no {code}: {}", all()).into()) };
@@ -143,6 +155,12 @@ fn run(case: &Case) -> Result<(), Failed> {
         if found.iter().filter(|c| *c == code).count() < demanded {
             return Err(format!("expected {code} {demanded} times: {}", all()).into());
         }
+    }
+    let demanded = |d: &str| case.codes.iter().filter(|c| *c == d).count();
+    if let Some(code) =
+        found.iter().find(|d| case.only && d.starts_with('E') && found.iter().filter(|o| o == d).count() > demanded(d))
+    {
+        return Err(format!("{code} follows from the others: {}", all()).into());
     }
     if case.codes.iter().any(|c| c.starts_with('E')) {
         return Ok(());

@@ -7,10 +7,13 @@ use isograd_graph::{Builder, Mode, Op, Precision, Scalar, Unwatched, Value};
 use isograd_testkit::laws::{self, Count};
 use isograd_testkit::points::{Random, grid, in_domain, surprises};
 use isograd_testkit::random::{self, INPUTS, Shape};
+use isograd_transform::Sweep;
 
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
 
 /// `n` seeds of random graphs, more in the long form.
+const SWEEPS: [Sweep; 2] = [Sweep::Forward, Sweep::Reverse];
+
 fn seeds(from: u64, n: u64) -> std::ops::Range<u64> {
     let times = std::env::var("ISOGRAD_GRAPHS").ok().and_then(|x| x.parse().ok()).unwrap_or(1);
     from..from + n * times
@@ -82,7 +85,9 @@ fn every_rule_is_its_derivative() {
 fn every_operation_keeps_the_conventions_through_the_pipeline() {
     let mut all = Count::default();
     for op in Op::ALL {
-        all += holds(laws::at_kinks(*op, 5));
+        for sweep in SWEEPS {
+            all += holds(laws::at_kinks(*op, 5, sweep));
+        }
     }
     println!("at_kinks: {all:?}");
     assert!(all.judged > 300);
@@ -140,7 +145,8 @@ fn derivatives_of_random_graphs_are_the_same_in_webassembly_and_optimised() {
     let (mut wasm, mut optimised) = (Count::default(), Count::default());
     for seed in seeds(1000, 40) {
         let shape = Shape { size: 15, depth: 2, transcendental: seed % 4 == 0, tame: seed % 3 != 0 };
-        let graph = laws::expanded_derivatives(&random::graph(seed, &shape)).unwrap_or_else(|e| panic!("{e}"));
+        let sweep = SWEEPS[usize::from(seed % 2 == 0)];
+        let graph = laws::expanded_derivatives(&random::graph(seed, &shape), sweep).unwrap_or_else(|e| panic!("{e}"));
         for precision in PRECISIONS {
             let points = graph_points(precision, 30, seed);
             optimised += holds(laws::optimised_equals_plain(&graph, precision, &points));
@@ -175,7 +181,9 @@ fn derivatives_of_random_graphs_are_dual_numbers() {
         let shape = Shape { size: 25, depth: 3, transcendental: seed % 2 == 0, tame: true };
         let graph = random::graph(seed, &shape);
         let points = tame_points(6, seed);
-        all += holds(laws::pipeline_derivative(&graph, &points));
+        for sweep in SWEEPS {
+            all += holds(laws::pipeline_derivative(&graph, &points, sweep));
+        }
         if seed % 5 == 0 {
             all += holds(laws::oracles_agree(&graph, &points[..2]));
         }
@@ -189,7 +197,9 @@ fn derivatives_by_values_on_the_way_are_dual_numbers() {
     let mut all = Count::default();
     for seed in seeds(0, 300) {
         let shape = Shape { size: 30, depth: 2, transcendental: seed % 2 == 0, tame: true };
-        all += holds(laws::derivative_by_values(seed, &shape, &tame_points(6, seed)));
+        for sweep in SWEEPS {
+            all += holds(laws::derivative_by_values(seed, &shape, &tame_points(6, seed), sweep));
+        }
     }
     println!("derivative_by_values: {all:?}");
     holds(all.at_least(50, "derivative_by_values", "random graphs"));

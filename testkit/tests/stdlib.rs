@@ -54,6 +54,7 @@ fn main() -> ExitCode {
 
     let mut trials = controls::trials();
     trials.push(trial("prelude", &entries, |entries| entries::prelude_imports(entries)));
+    trials.push(trial("concepts", &entries, |_| entries::concepts_are_documented()));
     for index in 0..entries.len() {
         let name = &entries[index].stem;
         trials.push(trial(&format!("alone: {name}"), &entries, move |all| entries::stands_alone(&all[index])));
@@ -132,6 +133,9 @@ fn documented(entry: &Entry, specimens: &[Specimen]) -> Result<(), String> {
         Some(&"U") => Class::Unit,
         Some(&"L") => Class::Lower,
         Some(&"N") => Class::Neither,
+        Some(&"colour" | &"map") if claims.iter().all(|c| c.class.is_some()) => {
+            return Err(format!("`{}` has no specimen that is a `map`", entry.name));
+        }
         Some(&"keeps" | &"colour" | &"map") => return Ok(()),
         _ => return Err(format!("the comment of `{}` has an unknown class: `{said}`", entry.name)),
     };

@@ -12,6 +12,7 @@ use crate::branches::Control;
 use crate::code::{Jumps, jumps};
 use crate::csg::{CsgNode, Forest, LinkId};
 use crate::eval::{ChoiceState, Key};
+use crate::messages::too_large;
 use crate::nodes::Nodes;
 use crate::value::{Scalars, Value};
 
@@ -94,18 +95,6 @@ pub(crate) fn run(
     match nodes.finish() {
         Ok((graph, origins)) => Ok(Elaborated { graph, origins, warnings, diffs }),
         Err(why) => Err(vec![too_large(why, function.span)]),
-    }
-}
-
-/// E1007 or E1011.
-fn too_large(why: Exhausted, span: Span) -> Diagnostic {
-    match why {
-        Exhausted::Nodes(limit) => {
-            Diagnostic::new(DiagnosticCode::E1007, span, format!("the graph has more than {limit} operations"))
-                .help("make the program smaller, or raise the limit `graph_nodes`")
-        }
-        Exhausted::Time => Diagnostic::new(DiagnosticCode::E1011, span, "the compilation took too long")
-            .help("make the program smaller, or raise the limit `compile_time_ms`"),
     }
 }
 
@@ -554,14 +543,6 @@ impl<'p, 'w> Machine<'p, 'w> {
         self.diffs.push((self.nodes.here(), result.clone()));
         self.push_scalars(result.into_iter().collect());
         Ok(())
-    }
-
-    /// Intervals are checked, but their values are not computed yet.
-    fn intervals(&mut self, span: Span) -> Stop {
-        self.fail(
-            Diagnostic::new(DiagnosticCode::E1101, span, "values of intervals are not yet supported")
-                .note("they are part of the language and will be compiled by a later version"),
-        )
     }
 
     /// Calls a function: its body runs in place. The same call again in the same scope gives the same nodes, unless

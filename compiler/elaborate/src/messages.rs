@@ -1,6 +1,7 @@
 //! How the machine reports: errors with the chain of calls and evals that led to them. Knows the program's names;
 //! knows nothing of what is being computed.
 
+use isograd_graph::Exhausted;
 use isograd_program::typed::{ConceptId, DefinitionId};
 use isograd_syntax::{Code, Diagnostic, Span};
 
@@ -8,6 +9,18 @@ use crate::machine::{Activity, Body, Machine, Stop};
 
 /// How many steps of a chain are shown.
 const SHOWN: usize = 8;
+
+/// E1007 or E1011.
+pub(crate) fn too_large(why: Exhausted, span: Span) -> Diagnostic {
+    match why {
+        Exhausted::Nodes(limit) => {
+            Diagnostic::new(Code::E1007, span, format!("the graph has more than {limit} operations"))
+                .help("make the program smaller, or raise the limit `graph_nodes`")
+        }
+        Exhausted::Time => Diagnostic::new(Code::E1011, span, "the compilation took too long")
+            .help("make the program smaller, or raise the limit `compile_time_ms`"),
+    }
+}
 
 impl Machine<'_, '_> {
     /// Reports an error after which elaboration cannot go on.
@@ -45,6 +58,14 @@ impl Machine<'_, '_> {
         self.fail(
             Diagnostic::new(Code::E1102, self.nodes.here(), message)
                 .note("the checked program is malformed; this is a mistake in the compiler, please report it"),
+        )
+    }
+
+    /// Intervals are checked, but their values are not computed yet.
+    pub(crate) fn intervals(&mut self, span: Span) -> Stop {
+        self.fail(
+            Diagnostic::new(Code::E1101, span, "values of intervals are not yet supported")
+                .note("they are part of the language and will be compiled by a later version"),
         )
     }
 

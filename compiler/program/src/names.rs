@@ -115,7 +115,7 @@ impl<'a> Names<'a> {
         for (index, module) in modules.iter().enumerate() {
             let own = names.space(index);
             if let Some(space) = names.spaces.get_mut(own) {
-                space.incomplete |= module.incomplete;
+                space.incomplete |= module.incomplete || module.tree.incomplete;
                 space.lost.extend(module.tree.lost.iter().map(|n| n.text.as_str()));
             }
             for import in &module.imports {

@@ -46,6 +46,9 @@ pub struct Tree {
     pub skipped: Vec<Ident>,
     /// Names in text that was skipped between items, likewise: they may have been declared there.
     pub lost: Vec<Ident>,
+    /// Whether text was skipped that may be an import or declares something whose name could not be read: then any
+    /// name may be declared there.
+    pub incomplete: bool,
 }
 
 /// `#[name(args)]`.

@@ -17,7 +17,7 @@ mod raw;
 mod schedule;
 
 pub use derive::{Wanted, derive};
-pub use differentiate::{DifferentiateError, active_diffs, differentiate};
+pub use differentiate::{DifferentiateError, Sweep, active_diffs, differentiate};
 pub use fold::{fold, kernels, optimise};
 pub use live::live;
 pub use schedule::schedule;

@@ -1,7 +1,7 @@
 //! Differentiation of hand-made graphs: the rules of LANGUAGE 13 that need no source text.
 
 use isograd_graph::{Builder, Graph, Mode, NodeId, Op, Precision, Scalar, Unwatched, Value, evaluate, print, verify};
-use isograd_transform::{DifferentiateError, Wanted, derive, differentiate, fold, kernels, optimise, schedule};
+use isograd_transform::{DifferentiateError, Sweep, Wanted, derive, differentiate, fold, kernels, optimise, schedule};
 
 const MANY: usize = 1_000_000;
 
@@ -27,8 +27,8 @@ fn real(graph: &Graph, inputs: &[f64]) -> Vec<f64> {
 }
 
 /// Expands, verifies, and checks that the rest of the pipeline changes no bit in f64 (no kernels involved).
-fn expand(graph: Graph) -> Graph {
-    let graph = differentiate(verify(graph).unwrap().into_inner(), 6, MANY, &Unwatched).unwrap();
+fn expand(graph: Graph, sweep: Sweep) -> Graph {
+    let graph = differentiate(verify(graph).unwrap().into_inner(), sweep, 6, MANY, &Unwatched).unwrap();
     verify(graph).unwrap().into_inner()
 }
 
@@ -41,12 +41,15 @@ fn finish(graph: &Graph) -> Graph {
     graph
 }
 
+/// Both sweeps give these numbers, which are exact.
 fn check(graph: Graph, cases: &[(&[f64], &[f64])]) {
-    let expanded = expand(graph);
-    let finished = finish(&expanded);
-    for (inputs, want) in cases {
-        assert_eq!(real(&expanded, inputs), *want, "at {inputs:?}\n{}", print(&expanded));
-        assert_eq!(real(&finished, inputs), *want, "finished, at {inputs:?}\n{}", print(&finished));
+    for sweep in [Sweep::Forward, Sweep::Reverse] {
+        let expanded = expand(graph.clone(), sweep);
+        let finished = finish(&expanded);
+        for (inputs, want) in cases {
+            assert_eq!(real(&expanded, inputs), *want, "{sweep:?} at {inputs:?}\n{}", print(&expanded));
+            assert_eq!(real(&finished, inputs), *want, "{sweep:?}, finished, at {inputs:?}\n{}", print(&finished));
+        }
     }
 }
 
@@ -125,7 +128,9 @@ fn power(n: i32) -> Graph {
 fn loops_stay_loops() {
     check(power(3), &[(&[2.0], &[8.0, 12.0])]);
     check(power(0), &[(&[2.0], &[1.0, 0.0])]);
-    assert_eq!(finish(&expand(power(10))).len(), finish(&expand(power(10_000))).len());
+    for sweep in [Sweep::Forward, Sweep::Reverse] {
+        assert_eq!(finish(&expand(power(10), sweep)).len(), finish(&expand(power(10_000), sweep)).len());
+    }
 }
 
 #[test]
@@ -228,7 +233,7 @@ fn an_order_that_grows_with_the_trip_count_is_refused() {
         let end = b.end();
         vec![b.carry_out(end, y, slope)]
     });
-    assert!(matches!(differentiate(graph, 6, MANY, &Unwatched), Err(DifferentiateError::Growing(_))));
+    assert!(matches!(differentiate(graph, Sweep::Forward, 6, MANY, &Unwatched), Err(DifferentiateError::Growing(_))));
 }
 
 #[test]
@@ -243,8 +248,8 @@ fn order_is_limited() {
             vec![y]
         })
     };
-    assert!(differentiate(nest(6), 6, MANY, &Unwatched).is_ok());
-    assert!(matches!(differentiate(nest(7), 6, MANY, &Unwatched), Err(DifferentiateError::Order(_))));
+    assert!(differentiate(nest(6), Sweep::Forward, 6, MANY, &Unwatched).is_ok());
+    assert!(matches!(differentiate(nest(7), Sweep::Forward, 6, MANY, &Unwatched), Err(DifferentiateError::Order(_))));
 }
 
 #[test]
@@ -294,7 +299,7 @@ fn the_gradient_of_a_sphere_is_small() {
         vec![b.sub(l, i[3])]
     });
     let wanted: Vec<_> = (0..3).map(|k| Wanted { name: format!("g{k}"), output: 0, by: vec![k] }).collect();
-    let graph = finish(&expand(derive(&sphere, &wanted, MANY, &Unwatched).unwrap()));
+    let graph = finish(&expand(derive(&sphere, &wanted, MANY, &Unwatched).unwrap(), Sweep::Forward));
     // The thesis needs 20 nodes (fig. 4.8).
     assert!(graph.len() <= 20, "{}", print(&graph));
 }

@@ -1,7 +1,7 @@
 //! Laws of differentiation as a whole: `derive` and `differentiate` on a program's graph give what dual numbers give.
 
 use isograd_graph::{Builder, Evaluator, Graph, Mode, Node, NodeId, Op, Precision, Scalar, Unwatched, Value};
-use isograd_transform::{Wanted, derive, differentiate};
+use isograd_transform::{Sweep, Wanted, derive, differentiate};
 
 use super::{Count, Failure, Judgement, kink_points, real, show, verifier_accepts};
 use crate::differences::central;
@@ -26,11 +26,16 @@ struct Asked {
 }
 
 impl Asked {
-    /// All first and second derivatives of the real outputs by the real inputs.
-    fn all(graph: &Graph) -> Vec<Self> {
-        let outputs: Vec<usize> =
-            (0..graph.outputs.len()).filter(|i| graph.scalar(graph.outputs[*i].node) == Scalar::Real).collect();
+    /// All first and second derivatives by the real inputs: of the real outputs, or for the reverse sweep, which is
+    /// made where values are fewer than what they are differentiated by, of fewer outputs than inputs.
+    fn all(graph: &Graph, sweep: Sweep) -> Vec<Self> {
         let inputs: Vec<usize> = (0..graph.inputs.len()).filter(|i| graph.inputs[*i].scalar == Scalar::Real).collect();
+        let most = match sweep {
+            Sweep::Forward => usize::MAX,
+            Sweep::Reverse => inputs.len().saturating_sub(1),
+        };
+        let is_real = |i: &usize| graph.scalar(graph.outputs[*i].node) == Scalar::Real;
+        let outputs: Vec<usize> = (0..graph.outputs.len()).filter(is_real).take(most).collect();
         let mut all = Vec::new();
         for output in outputs {
             for (n, i) in inputs.iter().enumerate() {
@@ -59,32 +64,34 @@ impl Asked {
     }
 }
 
-/// First and second derivatives of all real outputs of a raw graph by all its real inputs, expanded: what the laws of equal bits are asked about too.
+/// First and second derivatives of all real outputs of a raw graph by all its real inputs, expanded: what the laws of
+/// equal bits are asked about too.
 ///
 /// # Errors
 /// If a step fails.
-pub fn expanded_derivatives(graph: &Graph) -> Result<Graph, Failure> {
-    expanded(graph, &Asked::all(graph))
+pub fn expanded_derivatives(graph: &Graph, sweep: Sweep) -> Result<Graph, Failure> {
+    expanded(graph, &Asked::all(graph, sweep), sweep)
 }
 
 /// Expands the derivatives of a raw graph, verifying each step.
-fn expanded(graph: &Graph, asked: &[Asked]) -> Result<Graph, Failure> {
+fn expanded(graph: &Graph, asked: &[Asked], sweep: Sweep) -> Result<Graph, Failure> {
     let wanted: Vec<Wanted> = asked.iter().map(Asked::wanted).collect();
     let text = || isograd_graph::print(graph);
     let derived = derive(graph, &wanted, MANY, &Unwatched).map_err(|e| Failure::new("derive", text(), e))?;
     let derived = verifier_accepts("derive", derived)?.into_inner();
-    let graph = differentiate(derived, 6, MANY, &Unwatched).map_err(|e| Failure::new("differentiate", text(), e))?;
+    let graph = differentiate(derived, sweep, 6, MANY, &Unwatched);
+    let graph = graph.map_err(|e| Failure::new("differentiate", text(), format!("{sweep:?}: {e}")))?;
     Ok(verifier_accepts("differentiate", graph)?.into_inner())
 }
 
-/// First and second derivatives of all real outputs of a raw graph by all its real inputs, as the pipeline makes them,
-/// are those of dual numbers. Points are judged where no active operand comes near a kink, no decision changes under
+/// First and second derivatives of all real outputs of a raw graph by all its real inputs, as the pipeline makes them
+/// in a forward or in a reverse sweep, are those of dual numbers. Points are judged where no active operand comes near a kink, no decision changes under
 /// shaking, and the tolerance means something.
 ///
 /// # Errors
 /// At the first derivative that differs, or if a step fails.
-pub fn pipeline_derivative(graph: &Graph, points: &[Vec<Value>]) -> Judgement {
-    compare(graph, points, false)
+pub fn pipeline_derivative(graph: &Graph, points: &[Vec<Value>], sweep: Sweep) -> Judgement {
+    compare(graph, points, false, sweep)
 }
 
 /// As [`pipeline_derivative`] for one operation alone, in its kinks (LANGUAGE 13.6). Second derivatives of `pow` at 0
@@ -92,7 +99,7 @@ pub fn pipeline_derivative(graph: &Graph, points: &[Vec<Value>]) -> Judgement {
 ///
 /// # Errors
 /// At the first derivative that differs, or if a step fails.
-pub fn at_kinks(op: Op, seed: u64) -> Judgement {
+pub fn at_kinks(op: Op, seed: u64, sweep: Sweep) -> Judgement {
     let mut b = Builder::new(Mode::Raw, 100, &Unwatched);
     let args: Vec<NodeId> = op.def().operands.iter().enumerate().map(|(k, s)| b.input(format!("x{k}"), *s)).collect();
     let result = b.op(op, &args);
@@ -103,7 +110,7 @@ pub fn at_kinks(op: Op, seed: u64) -> Judgement {
     }
     let points = kink_points(op, seed);
     let points: Vec<_> = points.iter().step_by(1 + points.len() / 60).cloned().collect();
-    compare(&graph, &points, true)
+    compare(&graph, &points, true, sweep)
 }
 
 /// First derivatives of a random graph's real outputs by values on the way to them, as `diff` in a program asks for
@@ -111,7 +118,7 @@ pub fn at_kinks(op: Op, seed: u64) -> Judgement {
 ///
 /// # Errors
 /// At the first derivative that differs, or if a step fails.
-pub fn derivative_by_values(seed: u64, shape: &Shape, points: &[Vec<Value>]) -> Judgement {
+pub fn derivative_by_values(seed: u64, shape: &Shape, points: &[Vec<Value>], sweep: Sweep) -> Judgement {
     const LAW: &str = "derivative_by_values";
     let mut b = Builder::new(Mode::Raw, MANY, &Unwatched);
     let Grown { reals, .. } = random::grow(&mut b, seed, shape);
@@ -130,7 +137,7 @@ pub fn derivative_by_values(seed: u64, shape: &Shape, points: &[Vec<Value>]) -> 
     }
     let full = b.finish().map_err(|e| Failure::new(LAW, isograd_graph::print(&graph), e))?;
     let text = isograd_graph::print(&full);
-    let full = differentiate(full, 6, MANY, &Unwatched).map_err(|e| Failure::new(LAW, &text, e))?;
+    let full = differentiate(full, sweep, 6, MANY, &Unwatched).map_err(|e| Failure::new(LAW, &text, e))?;
     let full = verifier_accepts("differentiate", full)?.into_inner();
     let mut evaluator = Evaluator::new(&full, Precision::F64);
     let mut count = Count::default();
@@ -145,7 +152,7 @@ pub fn derivative_by_values(seed: u64, shape: &Shape, points: &[Vec<Value>]) -> 
                 Some((want, tolerance)) if (real(*got) - want).abs() <= tolerance => count.judged += 1,
                 Some((want, tolerance)) => {
                     let what = format!(
-                        "output {k} by %{} at {}: the pipeline gives {:?}, dual numbers {want:?} ± {tolerance:.1e}",
+                        "{sweep:?}, output {k} by %{} at {}: the pipeline gives {:?}, dual numbers {want:?} ± {tolerance:.1e}",
                         value.0,
                         show(point),
                         real(*got)
@@ -158,10 +165,10 @@ pub fn derivative_by_values(seed: u64, shape: &Shape, points: &[Vec<Value>]) -> 
     Ok(count)
 }
 
-fn compare(graph: &Graph, points: &[Vec<Value>], in_kinks: bool) -> Judgement {
+fn compare(graph: &Graph, points: &[Vec<Value>], in_kinks: bool, sweep: Sweep) -> Judgement {
     const LAW: &str = "pipeline_derivative";
-    let asked = Asked::all(graph);
-    let derived = expanded(graph, &asked)?;
+    let asked = Asked::all(graph, sweep);
+    let derived = expanded(graph, &asked, sweep)?;
     let mut evaluator = Evaluator::new(&derived, Precision::F64);
     let is_power = graph.iter().any(|(_, n)| matches!(n, Node::Apply(Op::Pow, _)));
     let mut count = Count::default();
@@ -187,7 +194,7 @@ fn compare(graph: &Graph, points: &[Vec<Value>], in_kinks: bool) -> Judgement {
             let close = (got - want).abs() <= tolerance;
             if !close {
                 let what = format!(
-                    "{} at {}: the pipeline gives {got:?}, dual numbers {want:?} ± {tolerance:.1e}",
+                    "{sweep:?}, {} at {}: the pipeline gives {got:?}, dual numbers {want:?} ± {tolerance:.1e}",
                     ask.wanted().name,
                     show(point)
                 );
@@ -238,7 +245,7 @@ impl Judged {
 pub fn oracles_agree(graph: &Graph, points: &[Vec<Value>]) -> Judgement {
     let mut count = Count::default();
     for point in points {
-        for ask in Asked::all(graph).iter().filter(|ask| !ask.second) {
+        for ask in Asked::all(graph, Sweep::Forward).iter().filter(|ask| !ask.second) {
             let Some(judged) = Judged::of(graph, point, ask.seeds(), false) else {
                 count.unjudged += 1;
                 continue;

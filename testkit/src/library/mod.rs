@@ -205,7 +205,7 @@ impl Field<'_> {
             }
         }
         let jets = self.jets(&around, Order::Gradient)?;
-        Ok(jets.iter().any(|jet| !(space::distance(jet.gradient, jets[0].gradient) < JUMP)))
+        Ok(jets.iter().any(|jet| space::exceeds(space::distance(jet.gradient, jets[0].gradient), JUMP)))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The laws of steepness: ‖∇F‖ = 1 for class U, and a Lipschitz constant for the others (LANGUAGE A.3). Knows nothing
 //! of zero sets.
 
-use super::space::{Sampler, along, distance, dot, minus, norm, scaled};
+use super::space::{Sampler, along, distance, dot, exceeds, minus, norm, scaled};
 use super::{Claim, Count, Failure, Field, Jet, Measured, Order, Point};
 
 /// ‖∇F‖ = 1 wherever a gradient exists, that is away from kinks.
@@ -45,14 +45,19 @@ pub fn continuous(field: &Field<'_>, claim: &Claim, constant: f64) -> Result<Mea
     }
     let jets = |points: &[Point]| field.jets(points, Order::Gradient);
     let pairs = |points: Vec<Point>, jets: Vec<Jet>| points.into_iter().zip(jets).collect::<Vec<_>>();
-    let mut lower = { let at = jets(&lower)?; pairs(lower, at) };
-    let mut upper = { let at = jets(&upper)?; pairs(upper, at) };
+    let mut lower = {
+        let at = jets(&lower)?;
+        pairs(lower, at)
+    };
+    let mut upper = {
+        let at = jets(&upper)?;
+        pairs(upper, at)
+    };
     for _ in 0..HALVINGS {
         let middle: Vec<Point> = lower.iter().zip(&upper).map(|(a, b)| scaled(along(a.0, 1.0, b.0), 0.5)).collect();
         let at = jets(&middle)?;
-        let off = |a: &(Point, Jet), b: &(Point, Jet)| {
-            (b.1.value - a.1.value - dot(a.1.gradient, minus(b.0, a.0))).abs()
-        };
+        let off =
+            |a: &(Point, Jet), b: &(Point, Jet)| (b.1.value - a.1.value - dot(a.1.gradient, minus(b.0, a.0))).abs();
         for ((a, b), m) in lower.iter_mut().zip(&mut upper).zip(pairs(middle, at)) {
             *(if off(a, &m) > off(&m, b) { b } else { a }) = m;
         }
@@ -64,7 +69,7 @@ pub fn continuous(field: &Field<'_>, claim: &Claim, constant: f64) -> Result<Mea
         }
         judged += 1;
         let rounding = 64.0 * f64::EPSILON * (norm(*p) + a.value.abs());
-        if !((b.value - a.value).abs() <= 2.0 * constant * distance(*p, *q) + rounding) {
+        if exceeds((b.value - a.value).abs(), 2.0 * constant * distance(*p, *q) + rounding) {
             let what = format!("between {p:?} and {q:?} the value jumps from {} to {}", a.value, b.value);
             return Err(field.failure(LAW, what));
         }
@@ -108,12 +113,12 @@ pub fn lipschitz(field: &Field<'_>, claim: &Claim, constant: f64) -> Result<Meas
         judged += 1;
         let quotient = (there - jet.value).abs() / apart;
         let allowed = constant * (1.0 + 1e-9) + rounding;
-        if !(quotient <= allowed) {
+        if exceeds(quotient, allowed) {
             let what = format!("from {p:?} to {q:?} the value goes from {} to {there}: slope {quotient}", jet.value);
             return Err(field.failure(LAW, what));
         }
         let slope = norm(jet.gradient);
-        if !(slope <= constant * (1.0 + 1e-9)) {
+        if exceeds(slope, constant * (1.0 + 1e-9)) {
             let what = format!("at {p:?} the gradient {:?} is {slope} long", jet.gradient);
             return Err(field.failure(LAW, what));
         }

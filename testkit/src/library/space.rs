@@ -29,6 +29,11 @@ pub fn scaled(v: Point, by: f64) -> Point {
     v.map(|x| x * by)
 }
 
+/// Whether a number is above a limit, or none at all.
+pub fn exceeds(x: f64, limit: f64) -> bool {
+    x > limit || x.is_nan()
+}
+
 /// A vector of length 1, or nothing for the zero vector.
 pub fn direction_of(v: Point) -> Option<Point> {
     let length = norm(v);

@@ -55,8 +55,20 @@ fn wrong_numbers_are_found() {
     assert_eq!(judged(Class::Unit, jump).expect_err("a jump"), "continuous");
 }
 
+type Value = fn(Point) -> f64;
+
+/// The largest of what a point is beyond the faces of a box.
+fn faces(p: Point) -> f64 {
+    (p[0].abs() - 1.0).max(p[1].abs() - 0.5).max(p[2].abs() - 1.5)
+}
+
+/// The distance outside of that box.
+fn beyond(p: Point) -> f64 {
+    norm([p[0].abs() - 1.0, p[1].abs() - 0.5, p[2].abs() - 1.5].map(|x| x.max(0.0)))
+}
+
 /// A field in f64 alone, judged by the law of distance alone.
-fn searched(class: Class, side: Option<Side>, value: fn(Point) -> f64) -> Result<f64, String> {
+fn searched(class: Class, side: Option<Side>, value: Value) -> Result<f64, String> {
     let slope = |p: Point, axis: usize| {
         let moved = |h: f64| {
             let mut p = p;
@@ -75,11 +87,9 @@ fn searched(class: Class, side: Option<Side>, value: fn(Point) -> f64) -> Result
 
 #[test]
 fn distances_are_found_by_search_alone() {
-    let faces = |p: Point| (p[0].abs() - 1.0).max(p[1].abs() - 0.5).max(p[2].abs() - 1.5);
-    let beyond = |p: Point| norm([p[0].abs() - 1.0, p[1].abs() - 0.5, p[2].abs() - 1.5].map(|x| x.max(0.0)));
-    let cases: [(&str, Option<Side>, fn(Point) -> f64); 4] = [
+    let cases: [(&str, Option<Side>, Value); 4] = [
         ("ball", None, |p| norm(p) - 1.0),
-        ("box", None, move |p| beyond(p) + faces(p).min(0.0)),
+        ("box", None, |p| beyond(p) + faces(p).min(0.0)),
         ("inside of a cut", Some(Side::Inside), |p| p[0].max(p[1]) - 0.5),
         ("plate", None, |p| norm([(p[0].abs() - 1.0).max(0.0), p[1], (p[2].abs() - 1.0).max(0.0)])),
     ];
@@ -87,11 +97,11 @@ fn distances_are_found_by_search_alone() {
         let worst = searched(Class::Exact, side, value).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert!(worst < 1e-5, "{name}: {worst}");
     }
-    let refuted: [(&str, Option<Side>, fn(Point) -> f64, &str); 6] = [
+    let refuted: [(&str, Option<Side>, Value, &str); 6] = [
         ("too long", None, |p| 1.001 * (norm(p) - 1.0), "nearer"),
         ("too short", None, |p| 0.999 * (norm(p) - 1.0), "farther"),
         ("too short inside", None, |p| (norm(p) - 1.0).max(0.999 * (norm(p) - 1.0)), "farther"),
-        ("no corners", None, move |p| faces(p), "farther"),
+        ("no corners", None, faces, "farther"),
         ("outside of a cut", Some(Side::Outside), |p| p[0].max(p[1]) - 0.5, "farther"),
         ("nowhere", None, |p| norm(p) + 0.5, "no zero"),
     ];

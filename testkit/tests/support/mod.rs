@@ -13,7 +13,7 @@ use isograd_graph::{Evaluator, Graph, Unwatched, Value};
 use isograd_program::typed::Function;
 use isograd_program::{ScalarKind, Type};
 use isograd_testkit::differences::{Estimate, Side, central, one_sided};
-use isograd_transform::{Wanted, derive, differentiate, fold, kernels, optimise, schedule};
+use isograd_transform::{Sweep, Wanted, derive, differentiate, fold, kernels, optimise, schedule};
 
 pub use wasm::{Varying, wasm};
 
@@ -90,7 +90,7 @@ impl Graphs {
         let raw = elaborate(program, id, &options().limits, &Unwatched)?.graph;
         let wanted = wanted(&program.functions[id.0 as usize], queries);
         let derived = derive(&raw, &wanted, NODES, &Unwatched).expect("within the budget");
-        let plain = differentiate(derived, 6, NODES, &Unwatched)
+        let plain = differentiate(derived, Sweep::Forward, 6, NODES, &Unwatched)
             .map_err(|e| vec![Diagnostic::global(isograd_compiler::Code::E0705, format!("{e:?}"))])?;
         let folded = fold(&plain, precision, NODES, &Unwatched).expect("within the budget");
         let expanded = kernels(&folded, precision, NODES, &Unwatched).expect("within the budget");

@@ -22,6 +22,9 @@ pub(super) fn int(tree: &Tree, id: ExprId) -> Option<i32> {
     }
 }
 
+/// Warnings look into constants that a reader would compute; longer ones are nobody's mistake.
+const LONGEST: usize = 64;
+
 /// What is still to be done.
 enum Work {
     Visit(ExprId),
@@ -32,28 +35,33 @@ enum Work {
     Repeat(usize),
 }
 
-/// The value of an expression of literals; `None` if it is something else, or larger than a matrix.
+/// The value of an expression of literals; `None` if it is something else, long, or larger than a matrix.
 pub(super) fn constant(tree: &Tree, id: ExprId) -> Option<Constant> {
     let mut work = vec![Work::Visit(id)];
     let mut done: Vec<Constant> = Vec::new();
+    let mut visited = 0;
     while let Some(step) = work.pop() {
         match step {
-            Work::Visit(id) => match &tree::expr(tree, id).kind {
-                ExprKind::Int(value) => done.push(Constant::Int(*value)),
-                ExprKind::Real(value) => done.push(Constant::Reals(vec![*value])),
-                ExprKind::Unary { op: UnaryOp::Neg, operand } => work.extend([Work::Negate, Work::Visit(*operand)]),
-                ExprKind::Binary { op, left, right, .. } => {
-                    work.extend([Work::Binary(*op), Work::Visit(*right), Work::Visit(*left)]);
+            Work::Visit(_) if visited >= LONGEST => return None,
+            Work::Visit(id) => {
+                visited += 1;
+                match &tree::expr(tree, id).kind {
+                    ExprKind::Int(value) => done.push(Constant::Int(*value)),
+                    ExprKind::Real(value) => done.push(Constant::Reals(vec![*value])),
+                    ExprKind::Unary { op: UnaryOp::Neg, operand } => work.extend([Work::Negate, Work::Visit(*operand)]),
+                    ExprKind::Binary { op, left, right, .. } => {
+                        work.extend([Work::Binary(*op), Work::Visit(*right), Work::Visit(*left)]);
+                    }
+                    ExprKind::List(elements) if elements.len() <= 4 => {
+                        work.push(Work::List(elements.len()));
+                        work.extend(elements.iter().rev().map(|e| Work::Visit(*e)));
+                    }
+                    ExprKind::Splat { element, count } if *count <= 4 => {
+                        work.extend([Work::Repeat(usize::try_from(*count).ok()?), Work::Visit(*element)]);
+                    }
+                    _ => return None,
                 }
-                ExprKind::List(elements) if elements.len() <= 4 => {
-                    work.push(Work::List(elements.len()));
-                    work.extend(elements.iter().rev().map(|e| Work::Visit(*e)));
-                }
-                ExprKind::Splat { element, count } if *count <= 4 => {
-                    work.extend([Work::Repeat(usize::try_from(*count).ok()?), Work::Visit(*element)]);
-                }
-                _ => return None,
-            },
+            }
             Work::Negate => {
                 let value = match done.pop()? {
                     Constant::Int(value) => Constant::Int(value.wrapping_neg()),

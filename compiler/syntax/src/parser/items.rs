@@ -1,5 +1,6 @@
 //! Items: modules, definitions, concepts, impls, functions, with their attributes and documentation.
 
+use super::balance::Balance;
 use super::{Abort, K, Parse, Parser};
 use crate::lexer::Token;
 use crate::tree::{Attribute, ExprId, Faults, Ident, Item, ItemKind, Param, TypeId};
@@ -14,14 +15,30 @@ struct ImplHeader {
 
 impl Parser<'_> {
     pub(super) fn file(&mut self) {
+        // Whether the brackets of what was read last did not match.
+        let mut guessing = false;
         while !self.at(K::End) {
             let start = self.current();
-            match self.item() {
-                Ok(item) => self.tree.items.push(item),
-                Err(Abort) => {
-                    self.sync_item();
-                    self.lost.push((start.start, self.previous.end));
-                }
+            let (first, errors) = (self.diagnostics.len(), self.errors());
+            let read = self.item();
+            if read.is_err() {
+                self.sync_item();
+                self.lost.push((start.start, self.previous.end));
+            }
+            let nothing_new = self.errors() == errors;
+            if guessing && read.is_err() && !starts_item(start.kind) {
+                // It may well belong to the item before it.
+                self.diagnostics.truncate(first);
+            } else if nothing_new {
+                guessing = false;
+            } else {
+                let balance = self.balance(start.start);
+                guessing = !matches!(&balance, Balance::Statements(wrong) if wrong.is_empty());
+                self.drop_guesses(first, &balance);
+            }
+            if let Ok(mut item) = read {
+                item.faults.nesting |= guessing;
+                self.tree.items.push(item);
             }
         }
     }
@@ -153,6 +170,7 @@ impl Parser<'_> {
     fn definition(&mut self, start: Token) -> Parse<ItemKind> {
         self.bump();
         let name = self.name("a name", &[K::LParen])?;
+        self.doubt_name();
         let errors = self.errors();
         let params = self.params()?;
         self.broken_head = self.errors() != errors;
@@ -222,6 +240,7 @@ impl Parser<'_> {
     /// `fn name(params) -> R { … }`, after the word.
     fn function(&mut self, export: bool) -> Parse<ItemKind> {
         let name = self.name("the name of the function", &[K::LParen])?;
+        self.doubt_name();
         let (start, errors) = (self.current(), self.errors());
         let params = self.params();
         let result = if params.is_ok() { self.result_type() } else { Err(Abort) };
@@ -230,6 +249,11 @@ impl Parser<'_> {
         let body = self.block()?;
         let params = params.unwrap_or_default();
         Ok(ItemKind::Function { export, name, params, result: Some(result), define: false, body })
+    }
+
+    /// A name without the parenthesis that must follow may have become one with what comes after it.
+    fn doubt_name(&mut self) {
+        self.tree.incomplete |= !self.at(K::LParen);
     }
 
     fn result_type(&mut self) -> Parse<TypeId> {
@@ -263,6 +287,7 @@ impl Parser<'_> {
     fn untyped_function(&mut self, export: bool) -> Parse<ItemKind> {
         let what = if export { "`fn` or the name of the export" } else { "the name of the function" };
         let name = self.name(what, &[K::LParen])?;
+        self.doubt_name();
         let (start, errors) = (self.current(), self.errors());
         let params = self.params();
         if params.is_err() {
@@ -305,4 +330,9 @@ impl Parser<'_> {
             Ok((lo, hi))
         })
     }
+}
+
+/// Whether an item can begin with this.
+const fn starts_item(kind: K) -> bool {
+    matches!(kind, K::Module | K::Entity | K::Operation | K::Concept | K::Impl | K::Fn | K::Export | K::Hash)
 }

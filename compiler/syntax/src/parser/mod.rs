@@ -1,6 +1,7 @@
 //! Recursive descent over LANGUAGE 2: tokens to a tree, always to the end of the file, several errors per run.
 //! Knows the grammar; looks up no name, checks no type, and recurses only with brackets, blocks and prefix words.
 
+mod balance;
 mod expressions;
 mod items;
 mod recovery;
@@ -32,8 +33,10 @@ pub fn parse(file: FileId, text: &str, limits: &Limits) -> Parsed {
     let mut parser = Parser::new(file, text, limits);
     parser.file();
     let (skipped, lost) = (parser.names_in(&parser.given_up), parser.names_in(&parser.lost));
+    let incomplete = parser.lost.iter().any(|(start, end)| parser.may_declare_anything(*start, *end));
     let Parser { tree, mut diagnostics, omitted, .. } = parser;
-    let tree = Tree { skipped, lost, ..tree };
+    let incomplete = incomplete || tree.incomplete;
+    let tree = Tree { skipped, lost, incomplete, ..tree };
     diagnostics.sort_by_key(|d| d.labels.first().map(|l| (l.span.start, l.span.end)));
     Parsed { tree, diagnostics, omitted }
 }
@@ -141,21 +144,26 @@ impl<'a> Parser<'a> {
 
     /// The names in ranges of the text.
     fn names_in(&self, ranges: &[(usize, usize)]) -> Vec<Ident> {
-        let mut names = Vec::new();
-        for (start, end) in ranges {
-            let mut lexer = self.lexer.clone();
-            lexer.seek(*start);
-            loop {
-                let token = lexer.token();
-                if token.kind == K::End || token.end > *end {
-                    break;
-                }
-                if token.kind == K::Ident {
-                    names.push(self.ident(token));
-                }
-            }
-        }
-        names
+        let tokens = ranges.iter().flat_map(|(start, end)| self.tokens_in(*start, *end));
+        tokens.filter(|t| t.kind == K::Ident).map(|t| self.ident(t)).collect()
+    }
+
+    fn tokens_in(&self, start: usize, end: usize) -> impl Iterator<Item = Token> + use<'a> {
+        let mut lexer = self.lexer.clone();
+        lexer.seek(start);
+        std::iter::from_fn(move || Some(lexer.token())).take_while(move |t| t.kind != K::End && t.end <= end)
+    }
+
+    /// Whether a range of lost text holds a path of a module, or the word of an item and no name behind it.
+    fn may_declare_anything(&self, start: usize, end: usize) -> bool {
+        let next = self.tokens_in(start, end).skip(1).map(|t| t.kind).chain([K::End]);
+        self.tokens_in(start, end).map(|t| t.kind).zip(next).any(|pair| match pair {
+            (K::Module, _) => true,
+            (K::ColonColon, after) => after != K::Lt,
+            (K::Entity | K::Operation | K::Concept | K::Fn, after) => after != K::Ident,
+            (K::Export, after) => !matches!(after, K::Fn | K::Ident),
+            _ => false,
+        })
     }
 
     /// The token `distance` after the current one.

@@ -14,13 +14,24 @@ pub struct Activity<'g> {
     active: Vec<u64>,
     /// Of these, the ones whose path leads through a `diff` not expanded yet.
     blocked: Vec<u64>,
+    /// Whether all seeds share one bit.
+    together: bool,
 }
 
 impl<'g> Activity<'g> {
     /// Finds the dependences on `seeds`, which ascend.
     pub fn of(graph: &'g Graph, seeds: &[NodeId]) -> Self {
-        let mut this =
-            Self { graph, seeds: seeds.to_vec(), active: vec![0; graph.len()], blocked: vec![0; graph.len()] };
+        Self::find(graph, seeds, false)
+    }
+
+    /// Finds the dependences on any number of `seeds`, which ascend and lie in the outermost region, as a whole.
+    pub fn together(graph: &'g Graph, seeds: &[NodeId]) -> Self {
+        Self::find(graph, seeds, true)
+    }
+
+    fn find(graph: &'g Graph, seeds: &[NodeId], together: bool) -> Self {
+        let (active, blocked) = (vec![0; graph.len()], vec![0; graph.len()]);
+        let mut this = Self { graph, seeds: seeds.to_vec(), active, blocked, together };
         let mut at = seeds.first().copied().unwrap_or(NodeId(0));
         while let Some(node) = graph.get(at) {
             let changed_loop = this.node(at, node);
@@ -31,7 +42,7 @@ impl<'g> Activity<'g> {
 
     /// The bit of a seed.
     pub fn seed(&self, node: NodeId) -> Option<u64> {
-        self.seeds.binary_search(&node).ok().map(|i| 1 << i)
+        self.seeds.binary_search(&node).ok().map(|i| if self.together { 1 } else { 1 << i })
     }
 
     pub fn active(&self, id: NodeId) -> u64 {
@@ -49,6 +60,9 @@ impl<'g> Activity<'g> {
 
     /// Seeds made between two marks: values of one iteration or one side, which nothing outside depends on.
     fn made_between(&self, begin: NodeId, end: NodeId) -> u64 {
+        if self.together {
+            return 0;
+        }
         let from = self.seeds.partition_point(|s| *s <= begin);
         let to = self.seeds.partition_point(|s| *s < end);
         (from..to).fold(0, |bits, i| bits | 1 << i)
@@ -212,7 +226,7 @@ fn each_path(def: &isograd_graph::OpDef, args: &[NodeId], mut f: impl FnMut(Node
 
 /// The finals of the loop with this end, each with its variable and what an iteration gives it. They follow the end
 /// directly; constants may stand between.
-fn carried_finals(graph: &Graph, end: NodeId) -> impl Iterator<Item = (NodeId, NodeId, NodeId)> + '_ {
+pub fn carried_finals(graph: &Graph, end: NodeId) -> impl Iterator<Item = (NodeId, NodeId, NodeId)> + '_ {
     let after = (end.0 + 1..).map(NodeId).map_while(move |id| Some((id, graph.get(id)?)));
     after
         .map_while(move |(id, node)| match node {

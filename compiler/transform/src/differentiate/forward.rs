@@ -4,8 +4,8 @@ use isograd_graph::ops::{Derivative, Partial};
 use isograd_graph::{Args, Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Watch};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::Diff;
 use super::activity::Activity;
+use super::{Diff, Orders, each_live};
 use crate::raw::RawCopy;
 
 /// A needed tangent: the value's id in the old graph and the seed's index.
@@ -18,7 +18,7 @@ pub fn expand(
     activity: &Activity<'_>,
     wanted: &[Diff],
     live: &[bool],
-    orders: &[u32],
+    orders: Orders<'_>,
     max_nodes: usize,
     watch: &dyn Watch,
 ) -> Result<(Graph, Vec<u32>), Exhausted> {
@@ -32,29 +32,16 @@ pub fn expand(
         tangents: FxHashMap::default(),
         zero: NodeId::NONE,
         one: NodeId::NONE,
-        orders: Vec::new(),
-        old_orders: orders,
+        orders,
     };
-    let mut at = NodeId(0);
-    while let Some(node) = graph.get(at) {
-        let dead = !live.get(at.index()).copied().unwrap_or(false);
-        at = match node {
-            Node::Gamma { end, .. } | Node::Theta { end, .. } if dead => NodeId(end.0 + 1),
-            Node::Input(_) => sweep.node(at, node),
-            _ if dead => NodeId(at.0 + 1),
-            _ => sweep.node(at, node),
-        };
-        if let Some(why) = sweep.b.exhausted() {
-            return Err(why);
-        }
-    }
+    each_live(graph, live, |at, node| {
+        sweep.node(at, node);
+        sweep.b.exhausted().map_or(Ok(()), Err)
+    })?;
     for output in &graph.outputs {
         sweep.b.output(output.name.clone(), sweep.copy.to(output.node));
     }
-    let (builder, mut orders) = (sweep.b, sweep.orders);
-    let graph = builder.finish()?;
-    orders.resize(graph.len(), 0);
-    Ok((graph, orders))
+    Ok((sweep.b.finish()?, sweep.orders.into_new()))
 }
 
 struct Forward<'g, 'w> {
@@ -68,31 +55,28 @@ struct Forward<'g, 'w> {
     /// The constants 0 and 1, in the outermost region so that they are visible everywhere.
     zero: NodeId,
     one: NodeId,
-    /// By id in the new graph.
-    orders: Vec<u32>,
-    old_orders: &'g [u32],
+    orders: Orders<'g>,
 }
 
 impl Forward<'_, '_> {
-    fn node(&mut self, at: NodeId, node: Node) -> NodeId {
-        let next = NodeId(at.0 + 1);
+    fn node(&mut self, at: NodeId, node: Node) {
         if !matches!(node, Node::Input(_)) && self.zero == NodeId::NONE {
             (self.zero, self.one) = (self.b.real(0.0), self.b.real(1.0));
         }
-        let order = self.old_orders.get(at.index()).copied().unwrap_or(0);
+        let order = self.orders.old(at);
         if let (Node::Diff { value, wrt }, true) = (node, self.wanted.contains(&at)) {
             self.b.set_origin(self.graph.origin(at));
             let tangent = self.activity.seed(wrt).and_then(|bit| self.tangent(value, bit.trailing_zeros()));
             let order = order.max(self.order_below(value)) + u32::from(tangent.is_some());
             let result = self.b.fresh(tangent.unwrap_or(self.zero));
             self.copy.set(at, result);
-            self.note(result, order);
-            return next;
+            self.orders.note(result, order);
+            return;
         }
         let copied = self.copy.node(&mut self.b, at, node);
         let mut below = order;
         node.each_operand(|x| below = below.max(self.order_below(x)));
-        self.note(copied, below);
+        self.orders.note(copied, below);
         let seed = self.activity.seed(at).unwrap_or(0);
         let bits = self.needed.get(at.index()).copied().unwrap_or(0) & self.activity.active(at);
         let bits = bits & !seed;
@@ -101,23 +85,10 @@ impl Forward<'_, '_> {
             self.derive(at, node, bits);
             self.b.set_apart(false);
         }
-        next
     }
 
     fn order_below(&self, old: NodeId) -> u32 {
-        self.orders.get(self.copy.to(old).index()).copied().unwrap_or(0)
-    }
-
-    fn note(&mut self, id: NodeId, order: u32) {
-        if id == NodeId::NONE || order == 0 {
-            return;
-        }
-        if self.orders.len() <= id.index() {
-            self.orders.resize(id.index() + 1, 0);
-        }
-        if let Some(place) = self.orders.get_mut(id.index()) {
-            *place = order;
-        }
+        self.orders.of(self.copy.to(old))
     }
 
     /// The tangent of a value by the seed with this index, if it depends on it.

@@ -1,13 +1,14 @@
-//! Forward-mode differentiation: expands every `diff` of a raw graph (LANGUAGE 13).
+//! Differentiation: expands every `diff` of a raw graph (LANGUAGE 13), by one rule per operation for both directions.
 //!
-//! A *seed* is a value that some `diff` differentiates by. One sweep from left to right carries, beside each value,
-//! its tangents for up to 64 seeds; partial derivatives are built once and shared by all tangents. Only tangents that
-//! lie on a path from a seed to a `diff` are made: `activity` finds the paths. A `diff` on such a path must be gone
-//! first, so nested ones take one round each, the inner first. Loops stay loops: a tangent of a carried variable is
-//! a carried variable beside it.
+//! A *seed* is a value that some `diff` differentiates by. The forward sweep, from left to right, carries beside each
+//! value its tangents for up to 64 seeds; partial derivatives are built once and shared by all tangents. Only tangents
+//! that lie on a path from a seed to a `diff` are made: `activity` finds the paths. Loops stay loops: a tangent of a
+//! carried variable is a carried variable beside it. The reverse sweep walks from a differentiated value back to all
+//! its seeds at once. A `diff` on a path must be gone first, so nested ones take one round each, the inner first.
 
 mod activity;
 mod forward;
+mod reverse;
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -48,6 +49,16 @@ impl From<Exhausted> for DifferentiateError {
     }
 }
 
+/// Which way derivatives are computed; both give the same up to rounding (LANGUAGE 13.5).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Sweep {
+    /// Tangents, with the values: one sweep for each value that is differentiated by.
+    Forward,
+    /// Adjoints, against the values, wherever fewer values are differentiated than they are differentiated by;
+    /// tangents elsewhere, in loops and inside of branches.
+    Reverse,
+}
+
 /// One `diff` of a graph.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Diff {
@@ -58,18 +69,24 @@ pub(crate) struct Diff {
 
 /// Expands every `diff` that an output needs. `max_order` counts `diff` inside `diff`.
 ///
+/// Reverse differentiation of a loop goes through its Jacobian by all it reads, made forward.
+///
 /// # Errors
 /// If an order grows with a trip count or exceeds `max_order`, or the budget is spent.
 pub fn differentiate(
     graph: Graph,
+    sweep: Sweep,
     max_order: u64,
     max_nodes: usize,
     watch: &dyn Watch,
 ) -> Result<Graph, DifferentiateError> {
     let mut graph = graph;
-    // How many rounds of expansion a value has been through; rides along with the graph.
     let mut orders = vec![0_u32; graph.len()];
     loop {
+        if let Some(at) = orders.iter().position(|o| u64::from(*o) > max_order) {
+            let node = NodeId(u32::try_from(at).unwrap_or(u32::MAX));
+            return Err(DifferentiateError::Order(graph.origin(node)));
+        }
         let live = live(&graph);
         let diffs: Vec<Diff> = graph
             .iter()
@@ -79,6 +96,13 @@ pub fn differentiate(
             })
             .collect();
         let Some(first) = diffs.first() else { return Ok(graph) };
+        if sweep == Sweep::Reverse
+            && let Some((activity, ready)) = reversible(&graph, &diffs)
+        {
+            let before = Orders { old: &orders, new: Vec::new() };
+            (graph, orders) = reverse::expand(&graph, &activity, &ready, &live, before, max_nodes, watch)?;
+            continue;
+        }
         let mut progress = false;
         for batch in batches(&diffs) {
             let activity = activity::Activity::of(&graph, &batch);
@@ -87,11 +111,8 @@ pub fn differentiate(
             if ready.is_empty() {
                 continue;
             }
-            (graph, orders) = forward::expand(&graph, &activity, &ready, &live, &orders, max_nodes, watch)?;
-            if let Some(at) = orders.iter().position(|o| u64::from(*o) > max_order) {
-                let node = NodeId(u32::try_from(at).unwrap_or(u32::MAX));
-                return Err(DifferentiateError::Order(graph.origin(node)));
-            }
+            let before = Orders { old: &orders, new: Vec::new() };
+            (graph, orders) = forward::expand(&graph, &activity, &ready, &live, before, max_nodes, watch)?;
             progress = true;
             break;
         }
@@ -128,6 +149,91 @@ pub fn active_diffs(graph: &Graph, watch: &dyn Watch) -> BTreeSet<NodeId> {
     }
     active.extend(diffs.iter().map(|d| d.node));
     active
+}
+
+/// The `diff`s that one walk each for their distinct values expands, if these are fewer than the distinct seeds. They
+/// stand in the outermost region, and not at the end of a loop, whose Jacobian is made forward.
+fn reversible<'g>(graph: &'g Graph, diffs: &[Diff]) -> Option<(activity::Activity<'g>, Vec<Diff>)> {
+    let mut depth = 0_usize;
+    let outermost = graph.iter().filter(|(_, node)| {
+        match node {
+            Node::Gamma { .. } | Node::Theta { .. } => depth += 1,
+            Node::End { .. } => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        depth == 0
+    });
+    let outermost: Vec<NodeId> = outermost.map(|(id, _)| id).collect();
+    let stands =
+        |d: &&Diff| outermost.binary_search(&d.node).is_ok() && !matches!(graph.get(d.value), Some(Node::Final { .. }));
+    let distinct = |of: fn(&Diff) -> NodeId, diffs: &[Diff]| diffs.iter().map(of).collect::<BTreeSet<NodeId>>();
+    let mut ready: Vec<Diff> = diffs.iter().filter(stands).copied().collect();
+    let seeds: Vec<NodeId> = distinct(|d| d.wrt, &ready).into_iter().collect();
+    let activity = activity::Activity::together(graph, &seeds);
+    ready.retain(|d| activity.ready(d));
+    let fewer = distinct(|d| d.value, &ready).len() < distinct(|d| d.wrt, &ready).len();
+    fewer.then_some((activity, ready))
+}
+
+/// Calls `visit` with each live node, structures as a whole.
+pub(crate) fn each_live(
+    graph: &Graph,
+    live: &[bool],
+    mut visit: impl FnMut(NodeId, Node) -> Result<(), Exhausted>,
+) -> Result<(), Exhausted> {
+    let mut at = NodeId(0);
+    while let Some(node) = graph.get(at) {
+        let dead = !live.get(at.index()).copied().unwrap_or(false);
+        at = match node {
+            Node::Gamma { end, .. } | Node::Theta { end, .. } if dead => end,
+            Node::Input(_) => {
+                visit(at, node)?;
+                at
+            }
+            _ if dead => at,
+            _ => {
+                visit(at, node)?;
+                at
+            }
+        };
+        at = NodeId(at.0 + 1);
+    }
+    Ok(())
+}
+
+/// How many rounds of expansion each value has been through: of the graph a round starts from, and of the one it makes.
+pub(crate) struct Orders<'o> {
+    old: &'o [u32],
+    new: Vec<u32>,
+}
+
+impl Orders<'_> {
+    /// Of a value of the old graph.
+    fn old(&self, id: NodeId) -> u32 {
+        self.old.get(id.index()).copied().unwrap_or(0)
+    }
+
+    /// Of a value of the new graph.
+    fn of(&self, id: NodeId) -> u32 {
+        self.new.get(id.index()).copied().unwrap_or(0)
+    }
+
+    fn note(&mut self, id: NodeId, order: u32) {
+        if id == NodeId::NONE || order == 0 {
+            return;
+        }
+        if self.new.len() <= id.index() {
+            self.new.resize(id.index() + 1, 0);
+        }
+        if let Some(place) = self.new.get_mut(id.index()) {
+            *place = order;
+        }
+    }
+
+    /// For each value of the new graph that has been through any.
+    fn into_new(self) -> Vec<u32> {
+        self.new
+    }
 }
 
 /// The distinct seeds in order, at most [`BATCH`] at a time.

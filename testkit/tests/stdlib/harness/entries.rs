@@ -144,6 +144,24 @@ pub fn prelude_imports(entries: &[Entry]) -> Result<(), String> {
     if imports == wanted { Ok(()) } else { Err(format!("the prelude lacks {missing:?} or has too many lines")) }
 }
 
+/// Each concept says what it is and where it is from.
+pub fn concepts_are_documented() -> Result<(), String> {
+    let files = standard_library();
+    let (_, text) = files.iter().find(|(name, _)| name == "concepts.vola").ok_or("no concepts")?;
+    let mut doc = String::new();
+    for line in text.lines() {
+        if let Some(rest) = line.strip_prefix("///") {
+            doc += rest;
+        } else if line.starts_with("concept ") {
+            if !doc.contains("Source:") {
+                return Err(format!("no source: {line}"));
+            }
+            doc.clear();
+        }
+    }
+    Ok(())
+}
+
 /// A program's own declaration of the same name wins, with a warning (LANGUAGE 10.5).
 pub fn yields(entry: &Entry) -> Result<(), String> {
     let Entry { name, word, declaration, .. } = entry;
