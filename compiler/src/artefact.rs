@@ -3,7 +3,7 @@
 use isograd_syntax::Diagnostic;
 use serde::{Deserialize, Serialize};
 
-use crate::Rate;
+use crate::{DerivativeMode, Rate};
 
 /// A compiled request.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +45,22 @@ pub struct Manifest {
     pub operations: u32,
     /// Whether a loop of the module may run longer than 10,000 iterations per point: a host should bound its time.
     pub unbounded: bool,
+    /// How its derivatives are computed.
+    pub derivatives: Derivatives,
+}
+
+/// How derivatives are computed, and what each way costs per point, in units of an addition before transcendental
+/// functions are expanded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Derivatives {
+    /// The way taken: never [`DerivativeMode::Auto`].
+    pub mode: DerivativeMode,
+    /// The cost of the forward sweep, if it was made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub forward: Option<u64>,
+    /// The cost of the reverse sweep, if it was made and differs from the forward one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reverse: Option<u64>,
 }
 
 impl Manifest {

@@ -64,8 +64,9 @@ fn of_export(
     let nodes = usize::try_from(limits.derived_nodes).unwrap_or(usize::MAX);
     watch.step("differentiate");
     let derived = derive(&elaborated.graph, &wanting.scalars, nodes, watch).map_err(|e| steps.exhausted(e));
-    let result =
-        derived.and_then(|g| differentiate(g, Sweep::Forward, limits.diff_order, nodes, watch).map_err(|e| steps.underivable(e)));
+    let result = derived.and_then(|g| {
+        differentiate(g, Sweep::Forward, limits.diff_order, nodes, watch).map_err(|e| steps.underivable(e))
+    });
     found.extend(result.err().into_iter().flatten());
     found
 }

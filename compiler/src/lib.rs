@@ -16,7 +16,7 @@ mod request;
 mod seal;
 mod wanted;
 
-pub use artefact::{Artefact, Column, ColumnType, Manifest, Number, Port};
+pub use artefact::{Artefact, Column, ColumnType, Derivatives, Manifest, Number, Port};
 pub use explain::explain;
 pub use inspect::inspect;
 pub use isograd_graph::{Precision, Unwatched, Watch};
@@ -25,4 +25,4 @@ pub use isograd_syntax::{Code, Diagnostic, Files, Limit, Limits, Severity, Unkno
 pub use loader::{MemoryLoader, WithStd, standard_library};
 pub use migrate::migrate;
 pub use pipeline::{Checked, Export, Options, Parameter, STEPS, check, compile, print_step};
-pub use request::{Query, Rate, Request, Target, UnknownQuery};
+pub use request::{DerivativeMode, Query, Rate, Request, Target, UnknownQuery};

@@ -9,13 +9,15 @@ use isograd_program::typed::{Function, FunctionId, Param};
 use isograd_program::{Loader, Program, Type};
 use isograd_syntax::tree::Tree;
 use isograd_syntax::{Code, Diagnostic, Diagnostics, FileId, Files, Limits};
-use isograd_transform::{DifferentiateError, Sweep, derive, differentiate, fold, kernels, optimise, schedule};
+use isograd_transform::{
+    DifferentiateError, Sweep, cost, derive, differentiate, fold, kernels, optimise, reverses, schedule,
+};
 use isograd_wasm::{EmitError, Plan};
 
 use crate::inspect::Influences;
 use crate::seal::{self, Identity};
 use crate::wanted::Wanting;
-use crate::{Artefact, Request, WithStd};
+use crate::{Artefact, DerivativeMode, Derivatives, Request, WithStd};
 
 /// The steps of a compilation, in order. `--emit` and `--timings` name them.
 pub const STEPS: &[&str] = &[
@@ -263,13 +265,8 @@ fn run(
     let graph = derive(&graph, &wanting.scalars, nodes, watch).map_err(|e| steps.exhausted(e))?;
     let graph = steps.checked("derive", graph, observe)?;
 
-    watch.step("differentiate");
-    let graph = differentiate(graph, Sweep::Forward, limits.diff_order, nodes, watch).map_err(|e| steps.underivable(e))?;
-    let graph = steps.checked("differentiate", graph, observe)?;
-
     let precision = request.precision;
-    watch.step("fold");
-    let graph = fold(&graph, precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
+    let (graph, derivatives) = cheaper(graph, request, &steps, watch, observe)?;
     let graph = steps.checked("fold", graph, observe)?;
 
     watch.step("kernels");
@@ -293,11 +290,69 @@ fn run(
     let identity = Identity::of(&checked.digest, request, &wanting);
     let exports = checked.exports();
     let parameters = exports.iter().find(|e| e.name == request.export).map_or(&[][..], |e| e.parameters.as_slice());
-    let manifest = seal::manifest(&identity, request, &wanting, parameters, &written.layout, written.facts);
+    let manifest =
+        seal::manifest(&identity, request, &wanting, parameters, &written.layout, written.facts, derivatives);
     let bytes = written.seal(&serde_json::to_vec(&manifest).unwrap_or_default()).bytes;
     observe("emit", Stage::Module(&bytes));
     observe("seal", Stage::Module(&bytes));
     Ok(Artefact { bytes, manifest, warnings })
+}
+
+/// The steps `differentiate` and `fold`, in the direction that the request names, or in both, of which the one whose
+/// graph costs less is kept.
+fn cheaper(
+    graph: Graph,
+    request: &Request,
+    steps: &Steps<'_>,
+    watch: &dyn Watch,
+    observe: &mut dyn FnMut(&'static str, Stage<'_>),
+) -> Result<(Graph, Derivatives), Vec<Diagnostic>> {
+    let limits = &steps.options.limits;
+    let nodes = usize::try_from(limits.derived_nodes).unwrap_or(usize::MAX);
+    watch.step("differentiate");
+    let sweeps: &[Sweep] = match request.mode {
+        DerivativeMode::Forward => &[Sweep::Forward],
+        DerivativeMode::Reverse => &[Sweep::Reverse],
+        DerivativeMode::Auto if reverses(&graph) => &[Sweep::Forward, Sweep::Reverse],
+        DerivativeMode::Auto => &[Sweep::Forward],
+    };
+    let mut derivatives = Derivatives { mode: DerivativeMode::Forward, forward: None, reverse: None };
+    let mut best: Option<(u64, Graph, Graph)> = None;
+    let mut failure = None;
+    for sweep in sweeps {
+        watch.step("differentiate");
+        let derived = differentiate(graph.clone(), *sweep, limits.diff_order, nodes, watch);
+        watch.step("fold");
+        let folded = derived.map_err(|e| steps.underivable(e)).and_then(|derived| {
+            let folded = fold(&derived, request.precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
+            Ok((derived, folded))
+        });
+        // One direction may exceed a limit that the other keeps.
+        let (derived, folded) = match folded {
+            Ok(graphs) => graphs,
+            Err(why) => {
+                failure.get_or_insert(why);
+                continue;
+            }
+        };
+        let cost = cost(&folded);
+        let (mode, place) = match sweep {
+            Sweep::Forward => (DerivativeMode::Forward, &mut derivatives.forward),
+            Sweep::Reverse => (DerivativeMode::Reverse, &mut derivatives.reverse),
+        };
+        *place = Some(cost);
+        if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+            derivatives.mode = mode;
+            best = Some((cost, derived, folded));
+        }
+    }
+    match (best, failure) {
+        (Some((_, derived, folded)), _) => {
+            steps.checked("differentiate", derived, observe)?;
+            Ok((folded, derivatives))
+        }
+        (None, why) => Err(why.unwrap_or_default()),
+    }
 }
 
 /// What the steps of one compilation have in common.

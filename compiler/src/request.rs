@@ -21,6 +21,21 @@ pub struct Request {
     pub rates: BTreeMap<String, Rate>,
     /// The target.
     pub target: Target,
+    /// Which way derivatives are computed.
+    pub mode: DerivativeMode,
+}
+
+/// Which way derivatives are computed. The results differ by rounding only (LANGUAGE 13.5).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DerivativeMode {
+    /// The cheaper of the two by the costs of the op table.
+    #[default]
+    Auto,
+    /// Beside the values.
+    Forward,
+    /// Against the values, wherever fewer values are differentiated than they are differentiated by.
+    Reverse,
 }
 
 /// Whether a parameter has one value per call or one per point.

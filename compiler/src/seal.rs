@@ -6,7 +6,9 @@ use isograd_wasm::{Facts, Layout};
 use serde::Serialize;
 
 use crate::wanted::Wanting;
-use crate::{Column, ColumnType, Manifest, Number, Parameter, Port, Rate, Request, Target};
+use crate::{
+    Column, ColumnType, DerivativeMode, Derivatives, Manifest, Number, Parameter, Port, Rate, Request, Target,
+};
 
 /// The canonical form of a request: everything that can change a byte of the artefact. Its id is the BLAKE3 of its
 /// JSON, whose fields stand in the order declared here.
@@ -19,6 +21,7 @@ pub struct Identity {
     precision: &'static str,
     rates: Vec<(String, Rate)>,
     target: Target,
+    mode: DerivativeMode,
 }
 
 impl Identity {
@@ -33,6 +36,7 @@ impl Identity {
             // As resolved: a default that is spelled out changes nothing.
             rates: wanting.parameters.iter().map(|(name, _, rate)| (name.clone(), *rate)).collect(),
             target: request.target,
+            mode: request.mode,
         }
     }
 
@@ -62,6 +66,7 @@ pub fn manifest(
     parameters: &[Parameter],
     layout: &Layout,
     facts: Facts,
+    derivatives: Derivatives,
 ) -> Manifest {
     let mut slots = layout.inputs.iter();
     let inputs = wanting
@@ -98,6 +103,7 @@ pub fn manifest(
         memory: layout.memory,
         operations: u32::try_from(facts.operations).unwrap_or(u32::MAX),
         unbounded: facts.long_loop,
+        derivatives,
     }
 }
 

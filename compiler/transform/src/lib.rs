@@ -7,6 +7,7 @@
 )]
 
 mod copy;
+mod cost;
 mod derive;
 mod differentiate;
 mod fold;
@@ -16,8 +17,9 @@ mod pressure;
 mod raw;
 mod schedule;
 
+pub use cost::cost;
 pub use derive::{Wanted, derive};
-pub use differentiate::{DifferentiateError, Sweep, active_diffs, differentiate};
+pub use differentiate::{DifferentiateError, Sweep, active_diffs, differentiate, reverses};
 pub use fold::{fold, kernels, optimise};
 pub use live::live;
 pub use schedule::schedule;

@@ -208,6 +208,9 @@ impl Body<'_> {
             Rule::Fixed(forms) => forms.iter().any(|(p, _)| p.len() == args.len()),
             Rule::Shape(_) => args.len() == 1,
         };
+        if !fits && self.unread(args) {
+            return Type::Error;
+        }
         if !fits {
             self.error(
                 Diagnostic::new(

@@ -69,7 +69,7 @@ impl<'a> Body<'a> {
     }
 
     /// Whether some of the arguments could not be read, so that their number means nothing.
-    fn unread(&self, args: &[ExprId]) -> bool {
+    pub fn unread(&self, args: &[ExprId]) -> bool {
         args.iter().any(|a| matches!(tree::expr(self.tree, *a).kind, ExprKind::Error | ExprKind::Partial(_)))
     }
 
@@ -257,6 +257,9 @@ impl<'a> Body<'a> {
     fn diff(&mut self, callee: &Ident, args: &'a [ExprId], span: Span) -> Type {
         let types = self.arguments(args);
         let ([e, wrt], [e_type, wrt_type]) = (args, types.as_slice()) else {
+            if self.unread(args) {
+                return Type::Error;
+            }
             self.error(
                 Diagnostic::new(Code::E0402, callee.span, format!("`diff` takes 2 arguments, not {}", args.len()))
                     .note("the signature is `diff(expression, variable)`"),
@@ -308,6 +311,9 @@ impl<'a> Body<'a> {
     fn bound(&mut self, callee: &Ident, args: &'a [ExprId], span: Span) -> Type {
         let types = self.arguments(args);
         let ([e, by, iv], [e_type, by_type, iv_type]) = (args, types.as_slice()) else {
+            if self.unread(args) {
+                return Type::Error;
+            }
             self.error(
                 Diagnostic::new(Code::E0402, callee.span, format!("`bound` takes 3 arguments, not {}", args.len()))
                     .note("the signature is `bound(expression, variable, interval)`"),
@@ -415,6 +421,7 @@ impl<'a> Body<'a> {
                 elements.iter().map(param).collect()
             }
             Type::Error => {
+                self.report.mute();
                 self.arguments(args);
                 return Type::Error;
             }

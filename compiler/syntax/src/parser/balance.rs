@@ -3,6 +3,7 @@
 
 use super::{K, Parser};
 use crate::Code;
+use crate::lexer::Token;
 
 /// Ranges of an item's text in which brackets do not match.
 pub(super) enum Balance {
@@ -22,8 +23,8 @@ impl Parser<'_> {
         let mut wrong: Vec<(usize, usize)> = Vec::new();
         // Where this statement begins, and whether a bracket of it was closed that is not open.
         let (mut begin, mut stray) = (start, false);
-        let mut tokens = self.tokens_in(start, self.previous.end).peekable();
-        while let Some(token) = tokens.next() {
+        let tokens: Vec<Token> = self.tokens_in(start, self.previous.end).collect();
+        for (at, token) in tokens.iter().enumerate() {
             match token.kind {
                 K::LParen => open.push((K::RParen, token.start)),
                 K::LBracket => open.push((K::RBracket, token.start)),
@@ -33,7 +34,7 @@ impl Parser<'_> {
                         while open.pop().is_some_and(|(close, _)| close != token.kind) {}
                     }
                 }
-                K::Semi if tokens.peek().is_some_and(|t| t.kind == K::Int) && inner(&open).next().is_some() => {}
+                K::Semi if open.last().is_some_and(|(close, _)| is_splat(*close, tokens.get(at + 1..))) => {}
                 K::Semi | K::LBrace | K::RBrace => {
                     let unclosed = if token.kind == K::LBrace { None } else { inner(&open).last().map(|(_, b)| *b) };
                     if stray || unclosed.is_some() {
@@ -82,6 +83,26 @@ impl Parser<'_> {
         });
         self.diagnostics.extend(errors);
     }
+}
+
+/// Whether a `;` in a bracket that ends with `close` is that of a splat: an integer comes next, or the bracket ends
+/// before anything that could end a statement.
+fn is_splat(close: K, rest: Option<&[Token]>) -> bool {
+    let rest = rest.unwrap_or_default();
+    if close != K::RBrace && rest.first().is_some_and(|t| t.kind == K::Int) {
+        return true;
+    }
+    let mut inside = 0_u64;
+    for token in rest {
+        match token.kind {
+            K::LParen | K::LBracket => inside += 1,
+            K::RParen | K::RBracket if inside > 0 => inside -= 1,
+            K::RBracket => return close == K::RBracket,
+            K::RParen | K::Semi | K::LBrace | K::RBrace | K::Let | K::Csg => return false,
+            _ => {}
+        }
+    }
+    false
 }
 
 /// The brackets that are open inside of the innermost open brace, the innermost first.

@@ -15,8 +15,8 @@ struct ImplHeader {
 
 impl Parser<'_> {
     pub(super) fn file(&mut self) {
-        // Whether the brackets of what was read last did not match.
-        let mut guessing = false;
+        // Whether what was read last has errors, and whether its brackets do not match.
+        let (mut broken, mut guessing) = (false, false);
         while !self.at(K::End) {
             let start = self.current();
             let (first, errors) = (self.diagnostics.len(), self.errors());
@@ -26,13 +26,15 @@ impl Parser<'_> {
                 self.lost.push((start.start, self.previous.end));
             }
             let nothing_new = self.errors() == errors;
-            if guessing && read.is_err() && !starts_item(start.kind) {
+            let remainder = matches!(start.kind, K::RBrace | K::RParen | K::RBracket | K::Semi);
+            if read.is_err() && !starts_item(start.kind) && (guessing || broken && remainder) {
                 // It may well belong to the item before it.
                 self.diagnostics.truncate(first);
             } else if nothing_new {
-                guessing = false;
+                (broken, guessing) = (false, false);
             } else {
                 let balance = self.balance(start.start);
+                broken = true;
                 guessing = !matches!(&balance, Balance::Statements(wrong) if wrong.is_empty());
                 self.drop_guesses(first, &balance);
             }

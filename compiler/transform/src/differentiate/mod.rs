@@ -88,13 +88,7 @@ pub fn differentiate(
             return Err(DifferentiateError::Order(graph.origin(node)));
         }
         let live = live(&graph);
-        let diffs: Vec<Diff> = graph
-            .iter()
-            .filter_map(|(node, n)| match n {
-                Node::Diff { value, wrt } if live.get(node.index()) == Some(&true) => Some(Diff { node, value, wrt }),
-                _ => None,
-            })
-            .collect();
+        let diffs: Vec<Diff> = diffs(&graph).filter(|d| live.get(d.node.index()).copied().unwrap_or(false)).collect();
         let Some(first) = diffs.first() else { return Ok(graph) };
         if sweep == Sweep::Reverse
             && let Some((activity, ready)) = reversible(&graph, &diffs)
@@ -122,17 +116,26 @@ pub fn differentiate(
     }
 }
 
+/// Whether [`Sweep::Reverse`] does anything else than [`Sweep::Forward`] for this graph.
+#[must_use]
+pub fn reverses(graph: &Graph) -> bool {
+    let live = live(graph);
+    let diffs: Vec<Diff> = diffs(graph).filter(|d| live.get(d.node.index()).copied().unwrap_or(false)).collect();
+    reversible(graph, &diffs).is_some()
+}
+
+fn diffs(graph: &Graph) -> impl Iterator<Item = Diff> {
+    graph.iter().filter_map(|(node, n)| match n {
+        Node::Diff { value, wrt } => Some(Diff { node, value, wrt }),
+        _ => None,
+    })
+}
+
 /// The `diff`s on a path from what they differentiate by to what they differentiate; the value of any other is 0
 /// (LANGUAGE 13.2). Stops early, and calls all others active, if time is up.
 #[must_use]
 pub fn active_diffs(graph: &Graph, watch: &dyn Watch) -> BTreeSet<NodeId> {
-    let mut diffs: Vec<Diff> = graph
-        .iter()
-        .filter_map(|(node, n)| match n {
-            Node::Diff { value, wrt } => Some(Diff { node, value, wrt }),
-            _ => None,
-        })
-        .collect();
+    let mut diffs: Vec<Diff> = diffs(graph).collect();
     let mut active = BTreeSet::new();
     for batch in batches(&diffs) {
         if watch.expired() {

@@ -7,6 +7,7 @@
 //! derivative is infinite (LANGUAGE 13.7), so products with such *masked* adjoints are guarded.
 
 use std::collections::BTreeMap;
+use std::collections::hash_map::Entry;
 
 use isograd_graph::ops::{Derivative, Partial};
 use isograd_graph::{Args, Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Scalar, Watch};
@@ -47,11 +48,14 @@ pub fn expand(
             (sweep.zero, sweep.one) = (sweep.b.real(0.0), sweep.b.real(1.0));
         }
         if let Some(diff) = wanted.get(&at) {
-            if !gradients.contains_key(&diff.value) {
-                sweep.b.set_origin(graph.origin(at));
-                gradients.insert(diff.value, sweep.walk(diff.value)?);
-            }
-            let adjoint = gradients.get(&diff.value).and_then(|g| g.get(&diff.wrt)).map_or(sweep.zero, |a| a.node);
+            let gradient = match gradients.entry(diff.value) {
+                Entry::Occupied(found) => found.into_mut(),
+                Entry::Vacant(place) => {
+                    sweep.b.set_origin(graph.origin(at));
+                    place.insert(sweep.walk(diff.value)?)
+                }
+            };
+            let adjoint = gradient.get(&diff.wrt).map_or(sweep.zero, |a| a.node);
             let result = sweep.b.fresh(adjoint);
             sweep.copy.set(at, result);
             orders.note(result, orders.old(at).max(orders.of(sweep.copy.to(diff.value))) + 1);
