@@ -32,6 +32,9 @@ struct Arguments {
     /// Write the figures to this file, as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Measure one model alone
+    #[arg(long, value_name = "MODEL")]
+    only: Option<String>,
 }
 
 /// Seed of all points.
@@ -54,14 +57,22 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else {
         (Effort { rounds: 101, turn: Duration::from_micros(500) }, 1_000_000)
     };
-    let models = models::all();
-    let sections = vec![
+    let mut models = models::all();
+    if let Some(name) = &arguments.only {
+        models.retain(|model| model.name == name);
+        if models.is_empty() {
+            return Err(format!("there is no model `{name}`").into());
+        }
+    }
+    let mut sections = vec![
         first_gradient(&models, effort)?,
         in_cache(&models, Asked::Value, effort)?,
         in_cache(&models, Asked::Gradient, effort)?,
         in_bulk(&models, many, effort)?,
-        requests(&models, many, effort)?,
     ];
+    if arguments.only.is_none() {
+        sections.push(requests(&models, many, effort)?);
+    }
     print!("{}", report::text(&sections));
     let (goals, within) = report::count(&sections);
     println!("\n{within} of {goals} figures are within their goal.");

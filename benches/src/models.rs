@@ -148,21 +148,18 @@ impl Steps {
         (ball, self.block(q, [0.8, 0.6, 0.7]))
     }
 
-    /// The formula of `std::smooth_min`: a·w + (1 − w)·(b − k·w) with w = saturate(½ + ½(b − a)/k).
+    /// The function that `std::smooth_min` computes, ½(a + b) − ¼(s²/k + k) where |s| < k with s = a − b and else
+    /// min(a, b), in the form of the fewest steps, without a comparison: min(a, b) − h²/4k with h = max(k − |s|, 0).
     fn smooth_min(&mut self, a: usize, b: usize, k: f32) -> usize {
-        let [k, half, zero, one] = [k, 0.5, 0.0, 1.0].map(|x| self.constant(x));
-        let apart = self.push(Step::Sub(b, a));
-        let apart = self.push(Step::Mul(half, apart));
-        let apart = self.push(Step::Div(apart, k));
-        let w = self.push(Step::Add(half, apart));
-        let w = self.push(Step::Max(w, zero));
-        let w = self.push(Step::Min(w, one));
-        let left = self.push(Step::Mul(a, w));
-        let rest = self.push(Step::Sub(one, w));
-        let lowered = self.push(Step::Mul(k, w));
-        let lowered = self.push(Step::Sub(b, lowered));
-        let right = self.push(Step::Mul(rest, lowered));
-        self.push(Step::Add(left, right))
+        let [k, quarter, zero] = [k, 0.25 / k, 0.0].map(|x| self.constant(x));
+        let apart = self.push(Step::Sub(a, b));
+        let apart = self.push(Step::Abs(apart));
+        let near = self.push(Step::Sub(k, apart));
+        let near = self.push(Step::Max(near, zero));
+        let square = self.push(Step::Mul(near, near));
+        let lowered = self.push(Step::Mul(quarter, square));
+        let least = self.push(Step::Min(a, b));
+        self.push(Step::Sub(least, lowered))
     }
 
     /// Steps that compute something.

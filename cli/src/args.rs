@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use isograd_compiler::{Precision, Query, STEPS};
+use isograd_compiler::{DerivativeMode, Precision, Query, STEPS};
 use isograd_server::Config;
 
 /// Compiles distance fields written in Vola and evaluates them with their derivatives.
@@ -34,6 +34,8 @@ Examples:
   isograd eval ball.vola --args 1,2,3 --query value --query 'gradient(at)'
   isograd eval ball.vola --points points.csv --set radius=0.5 --format csv")]
     Eval(Eval),
+    /// Format files in place: spaces, indentation, line ends; line breaks stay.
+    Fmt(Fmt),
     /// Serve the HTTP API.
     Serve(Serve),
     /// Explain diagnostics by example; without a code, list them all.
@@ -42,17 +44,24 @@ Examples:
     Limits(Limits),
 }
 
-/// What every command takes that reads a program.
+/// What every command takes that uses a program.
 #[derive(Debug, Args)]
 pub struct Reading {
+    #[command(flatten)]
+    pub sources: Sources,
+    /// Fail if there are warnings.
+    #[arg(long)]
+    pub deny_warnings: bool,
+}
+
+/// What every command takes that reads a program.
+#[derive(Debug, Args)]
+pub struct Sources {
     #[command(flatten)]
     pub external: External,
     /// Change a limit of the language; `isograd limits` lists them. May be repeated.
     #[arg(long = "limit", value_name = "NAME=VALUE", value_parser = limit)]
     pub limits: Vec<(String, u64)>,
-    /// Fail if there are warnings.
-    #[arg(long)]
-    pub deny_warnings: bool,
 }
 
 /// External modules.
@@ -105,11 +114,14 @@ pub struct Compile {
     /// The precision of `real`.
     #[arg(long, value_enum, default_value_t = PrecisionName::F32)]
     pub precision: PrecisionName,
+    /// Which way derivatives are computed; the results differ by rounding only.
+    #[arg(long, value_enum, default_value_t = ModeName::Auto)]
+    pub mode: ModeName,
     /// Print what a step of the compiler leaves instead of writing a module. `tree` is parse, `program` is check,
     /// `graph` is optimise, `wat` is emit.
     #[arg(long, value_name = "STEP", value_parser = PossibleValuesParser::new(emittable()))]
     pub emit: Option<String>,
-    /// Print how long each step took.
+    /// Print how long each step took and, with a module, which way its derivatives are computed.
     #[arg(long)]
     pub timings: bool,
     /// Write to this file; `-` is the standard output.
@@ -146,6 +158,9 @@ pub struct Eval {
     /// The precision of `real`.
     #[arg(long, value_enum, default_value_t = PrecisionName::F32)]
     pub precision: PrecisionName,
+    /// Which way derivatives are computed; the results differ by rounding only.
+    #[arg(long, value_enum, default_value_t = ModeName::Auto)]
+    pub mode: ModeName,
     /// How to write the results.
     #[arg(long, value_enum, default_value_t = Format::Table)]
     pub format: Format,
@@ -154,6 +169,22 @@ pub struct Eval {
     pub deadline: u64,
     #[command(flatten)]
     pub reading: Reading,
+}
+
+/// `isograd fmt`
+#[derive(Debug, Args)]
+pub struct Fmt {
+    /// The files; `-` is the standard input, formatted to the standard output.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Write nothing; list the files that would change, and fail if there are any.
+    #[arg(long)]
+    pub check: bool,
+    /// Also move from the 2024 dialect to the current one. Then a file must be without errors, what it imports too.
+    #[arg(long)]
+    pub migrate: bool,
+    #[command(flatten)]
+    pub sources: Sources,
 }
 
 /// `isograd serve`
@@ -231,6 +262,27 @@ impl From<PrecisionName> for Precision {
         match name {
             PrecisionName::F32 => Self::F32,
             PrecisionName::F64 => Self::F64,
+        }
+    }
+}
+
+/// Which way derivatives are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ModeName {
+    /// The cheaper of the two.
+    Auto,
+    /// Beside the values.
+    Forward,
+    /// Against the values.
+    Reverse,
+}
+
+impl From<ModeName> for DerivativeMode {
+    fn from(name: ModeName) -> Self {
+        match name {
+            ModeName::Auto => Self::Auto,
+            ModeName::Forward => Self::Forward,
+            ModeName::Reverse => Self::Reverse,
         }
     }
 }

@@ -12,13 +12,13 @@ use crate::{Failure, files, report};
 
 /// Runs the command. Files that cannot be read do not keep the others from being checked.
 pub fn run(args: &Check) -> Result<(), Failure> {
-    let options = files::options(&args.reading)?;
+    let options = files::options(&args.reading.sources)?;
     let mut programs: Vec<(Vec<Diagnostic>, Files)> = Vec::new();
     // Programs may share files; what is wrong with one is said once.
     let mut said = HashSet::new();
     let mut failed = false;
     for file in &args.files {
-        let checked = match files::load(file, &args.reading, &options, &Stopwatch::start(&options.limits)) {
+        let checked = match files::load(file, &args.reading.sources, &options, &Stopwatch::start(&options.limits)) {
             Err(Failure::Wrong(message)) => {
                 report::error(&message);
                 failed = true;

@@ -4,7 +4,9 @@ use std::fs;
 use std::io::{Write, stdout};
 use std::path::{Path, PathBuf};
 
-use isograd_compiler::{Checked, Export, Options, Query, Request, Target, compile, print_step};
+use isograd_compiler::{
+    Checked, DerivativeMode, Derivatives, Export, Options, Query, Request, Target, compile, print_step,
+};
 use isograd_server::{Stopwatch, select};
 
 use crate::args::{Compile, TargetName, step};
@@ -12,20 +14,30 @@ use crate::{Failure, files, report};
 
 /// Runs the command.
 pub fn run(args: &Compile) -> Result<(), Failure> {
-    let options = files::options(&args.reading)?;
+    let options = files::options(&args.reading.sources)?;
     let watch = Stopwatch::start(&options.limits);
-    let result = write(args, &options, &watch);
+    let mut ways = Vec::new();
+    let result = write(args, &options, &watch, &mut ways);
     if args.timings {
         report::timings(&watch.timings());
+        for (export, way) in &ways {
+            match ways.len() {
+                1 => report::say(&format!("derivatives: {way}\n")),
+                _ => report::say(&format!("derivatives of `{export}`: {way}\n")),
+            }
+        }
     }
     result
 }
 
-fn write(args: &Compile, options: &Options, watch: &Stopwatch) -> Result<(), Failure> {
+/// Names of exports, and which way their derivatives are computed.
+type Ways = Vec<(String, String)>;
+
+fn write(args: &Compile, options: &Options, watch: &Stopwatch, ways: &mut Ways) -> Result<(), Failure> {
     let emit = args.emit.as_deref().map(step);
     if emit == Some("parse") || emit == Some("load") {
         // A tree can be shown of a program with errors as well.
-        let checked = files::load(&args.file, &args.reading, options, watch)?;
+        let checked = files::load(&args.file, &args.reading.sources, options, watch)?;
         report::diagnostics(&checked.diagnostics, &checked.files);
         return print(args, &checked, &[Request::default()], "parse", options, watch);
     }
@@ -53,12 +65,13 @@ fn write(args: &Compile, options: &Options, watch: &Stopwatch) -> Result<(), Fai
             queries: queries.clone(),
             precision: args.precision.into(),
             target,
+            mode: args.mode.into(),
             ..Request::default()
         });
     }
     match emit {
         Some(step) => print(args, &checked, &requests, step, options, watch),
-        None => modules(args, &checked, &requests, options, watch),
+        None => modules(args, &checked, &requests, options, watch, ways),
     }
 }
 
@@ -102,6 +115,7 @@ fn modules(
     requests: &[Request],
     options: &Options,
     watch: &Stopwatch,
+    ways: &mut Ways,
 ) -> Result<(), Failure> {
     if args.output.is_some() && requests.len() > 1 {
         let names: Vec<String> = requests.iter().map(|r| format!("`{}`", r.export)).collect();
@@ -126,6 +140,7 @@ fn modules(
                 continue;
             }
         };
+        ways.push((request.export.clone(), way(request.mode, &artefact.manifest.derivatives)));
         report::diagnostics(&artefact.warnings, &checked.files);
         if let Err(refused) = files::refuse_warnings(&args.reading, &artefact.warnings) {
             refused.report();
@@ -148,4 +163,46 @@ fn modules(
 
 fn put(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     fs::write(path, bytes).map_err(|error| Failure::Wrong(format!("cannot write `{}`: {error}", path.display())))
+}
+
+/// Which way derivatives are computed and why: `reverse (cost 412; forward 1,536)`.
+fn way(asked: DerivativeMode, derivatives: &Derivatives) -> String {
+    let (forward, reverse) = (derivatives.forward.map(grouped), derivatives.reverse.map(grouped));
+    let why = match (asked, derivatives.mode, forward, reverse) {
+        (DerivativeMode::Forward | DerivativeMode::Reverse, ..) => "asked for".to_owned(),
+        (_, DerivativeMode::Reverse, Some(forward), Some(reverse)) => format!("cost {reverse}; forward {forward}"),
+        (_, DerivativeMode::Reverse, ..) => "the forward sweep exceeds a limit".to_owned(),
+        (_, _, Some(forward), Some(reverse)) => format!("cost {forward}; reverse {reverse}"),
+        _ => "too few values to differentiate by for a reverse sweep to pay".to_owned(),
+    };
+    format!("{} ({why})", derivatives.mode.name())
+}
+
+/// A number with a comma before each three digits.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_way_of_derivatives_has_a_reason() {
+        use DerivativeMode::{Auto, Forward, Reverse};
+        let made = |mode, forward, reverse| Derivatives { mode, forward, reverse };
+        assert_eq!(way(Auto, &made(Reverse, Some(1536), Some(412))), "reverse (cost 412; forward 1,536)");
+        assert_eq!(way(Auto, &made(Forward, Some(999), Some(1_234_567))), "forward (cost 999; reverse 1,234,567)");
+        assert_eq!(way(Auto, &made(Forward, Some(7), None)), "forward (too few values to differentiate by for a reverse sweep to pay)");
+        assert_eq!(way(Auto, &made(Reverse, None, Some(7))), "reverse (the forward sweep exceeds a limit)");
+        assert_eq!(way(Reverse, &made(Reverse, None, Some(412))), "reverse (asked for)");
+    }
 }

@@ -12,7 +12,7 @@ use crate::{Failure, files};
 
 /// Runs the command.
 pub fn run(args: &Describe) -> Result<(), Failure> {
-    let options = files::options(&args.reading)?;
+    let options = files::options(&args.reading.sources)?;
     let checked = files::load_sound(&args.file, &args.reading, &options, &Stopwatch::start(&options.limits))?;
     let exports: Vec<Value> = checked.exports().iter().map(describe::export).collect();
     let text = if args.json {

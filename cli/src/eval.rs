@@ -13,7 +13,7 @@ use crate::{Failure, files, inputs, report, table};
 
 /// Runs the command.
 pub fn run(args: &Eval) -> Result<(), Failure> {
-    let options = files::options(&args.reading)?;
+    let options = files::options(&args.reading.sources)?;
     let watch = Stopwatch::start(&options.limits);
     let checked = files::load_sound(&args.file, &args.reading, &options, &watch)?;
     let exports = checked.exports();
@@ -22,8 +22,13 @@ pub fn run(args: &Eval) -> Result<(), Failure> {
     select::known(export, &queries).map_err(|e| Failure::Wrong(e.0))?;
     let inputs = inputs::gather(args, export)?;
 
-    let mut request =
-        Request { export: export.name.clone(), queries, precision: args.precision.into(), ..Request::default() };
+    let mut request = Request {
+        export: export.name.clone(),
+        queries,
+        precision: args.precision.into(),
+        mode: args.mode.into(),
+        ..Request::default()
+    };
     set_rates(&mut request, export, &inputs);
     watch.renew(&options.limits);
     let artefact = compile(&checked, &request, &options, &watch).map_err(|diagnostics| {

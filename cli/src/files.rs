@@ -1,11 +1,13 @@
 //! Programs on disk: the entry file, the files it imports, libraries. Reads files; decides nothing about them.
 
+use std::fs::{self, OpenOptions};
+use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 
 use isograd_compiler::{Checked, Diagnostic, Loader, ModulePath, Options, Watch, check};
 use isograd_server::{Libraries, diagnose, limits, read_source};
 
-use crate::args::Reading;
+use crate::args::{Reading, Sources};
 use crate::{Failure, report};
 
 /// Files in and around the directory of the entry file, and registered libraries.
@@ -65,10 +67,10 @@ impl Loader for FsLoader {
 /// The options that the arguments ask for.
 ///
 /// # Errors
-/// If one names a limit that is none.
-pub fn options(reading: &Reading) -> Result<Options, Failure> {
+/// If one names a limit that is none, or gives it more than it may have.
+pub fn options(sources: &Sources) -> Result<Options, Failure> {
     let mut options = Options::default();
-    for (name, value) in &reading.limits {
+    for (name, value) in &sources.limits {
         limits::set(name, *value, &mut options.limits, None)
             .map_err(|error| Failure::Usage(format!("`--limit {name}={value}`: {error}")))?;
     }
@@ -96,18 +98,66 @@ pub fn refuse_warnings(reading: &Reading, diagnostics: &[Diagnostic]) -> Result<
 ///
 /// # Errors
 /// If the entry file cannot be read.
-pub fn load(file: &Path, reading: &Reading, options: &Options, watch: &dyn Watch) -> Result<Checked, Failure> {
-    let entry =
-        read_source(file).map_err(|error| Failure::Wrong(format!("cannot read `{}`: {error}", file.display())))?;
+pub fn load(file: &Path, sources: &Sources, options: &Options, watch: &dyn Watch) -> Result<Checked, Failure> {
+    let entry = read(file)?;
+    Ok(check(&shown(file), entry, &loader(file, sources)?, options, watch))
+}
+
+/// The bytes of a file that was named on the command line.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn read(file: &Path) -> Result<Vec<u8>, Failure> {
+    read_source(file).map_err(|error| Failure::Wrong(format!("cannot read `{}`: {error}", file.display())))
+}
+
+/// A file's name in diagnostics.
+pub fn shown(file: &Path) -> String {
+    file.to_string_lossy().replace('\\', "/")
+}
+
+/// What finds the files that an entry file imports.
+///
+/// # Errors
+/// If a library is registered twice.
+pub fn loader(entry: &Path, sources: &Sources) -> Result<impl Loader, Failure> {
     let mut libraries = Libraries::default();
-    for (name, directory) in &reading.external.libraries {
+    for (name, directory) in &sources.external.libraries {
         if libraries.0.insert(name.clone(), directory.clone()).is_some() {
             return Err(Failure::Usage(format!("the library `{name}` is registered twice")));
         }
     }
-    let loader = FsLoader::new(file, libraries);
-    let name = file.to_string_lossy().replace('\\', "/");
-    Ok(check(&name, entry, &loader, options, watch))
+    Ok(FsLoader::new(entry, libraries))
+}
+
+/// Gives a file other bytes, all of them or none: they are written beside it and take its place and permissions. A
+/// link stays a link to the file.
+///
+/// # Errors
+/// If the file, or its directory, cannot be written.
+pub fn replace(file: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    try_replace(file, bytes)
+        .map_err(|error| Failure::Wrong(format!("cannot write `{}`: {error}; it is as it was", file.display())))
+}
+
+fn try_replace(file: &Path, bytes: &[u8]) -> io::Result<()> {
+    let file = file.canonicalize()?;
+    let permissions = fs::metadata(&file)?.permissions();
+    if permissions.readonly() {
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file is read-only"));
+    }
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let beside = file.with_file_name(format!(".{name}.{}", std::process::id()));
+    let mut new = OpenOptions::new().write(true).create_new(true).open(&beside)?;
+    let written = new
+        .write_all(bytes)
+        .and_then(|()| new.set_permissions(permissions))
+        .and_then(|()| new.sync_all())
+        .and_then(|()| fs::rename(&beside, &file));
+    if written.is_err() {
+        let _ = fs::remove_file(&beside);
+    }
+    written
 }
 
 /// Reads and checks a program for use; reports its errors and warnings.
@@ -115,7 +165,7 @@ pub fn load(file: &Path, reading: &Reading, options: &Options, watch: &dyn Watch
 /// # Errors
 /// If it has errors, or warnings that are not wanted.
 pub fn load_sound(file: &Path, reading: &Reading, options: &Options, watch: &dyn Watch) -> Result<Checked, Failure> {
-    let checked = load(file, reading, options, watch)?;
+    let checked = load(file, &reading.sources, options, watch)?;
     if !checked.is_ok() {
         // Nothing will be compiled that could find the rest.
         report::diagnostics(&diagnose(&checked, options), &checked.files);

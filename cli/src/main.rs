@@ -8,6 +8,7 @@ mod describe;
 mod eval;
 mod explain;
 mod files;
+mod fmt;
 mod inputs;
 mod limits;
 mod report;
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
         Command::Describe(args) => describe::run(&args),
         Command::Compile(args) => compile::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Fmt(args) => fmt::run(&args),
         Command::Serve(args) => serve::run(args),
         Command::Explain(args) => explain::run(&args),
         Command::Limits(args) => limits::run(&args),

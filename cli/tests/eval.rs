@@ -245,3 +245,24 @@ fn an_endless_evaluation_is_ended() {
     ran.fails_with(1, &["longer than 1 s", "--deadline"]);
     assert!(began.elapsed().as_secs() < 10, "{:?}", began.elapsed());
 }
+
+#[test]
+fn both_ways_of_derivatives_agree() {
+    let dir = Dir::with("export fn f(a: vec4, b: vec4) -> real { sqrt(dot(a, b) * dot(a, a) + exp(b.x * a.y)) }\n");
+    let gradient = |mode: &str| {
+        let args = ["--args", "1,2,3,4,0.5,0.25,2,1", "--format", "csv", "--mode", mode];
+        let ran =
+            dir.run(&[&["eval", "main.vola", "--query", "gradient(a)", "--query", "gradient(b)"], &args[..]].concat());
+        let rows = ran.ok().lines().nth(1).unwrap().split(',');
+        rows.map(|x| x.parse().unwrap()).collect::<Vec<f64>>()
+    };
+    let (forward, reverse) = (gradient("forward"), gradient("reverse"));
+    assert_eq!(forward.len(), 8);
+    assert!(
+        forward.iter().zip(&reverse).all(|(x, y)| (x - y).abs() <= 1e-5 * x.abs().max(1.0)),
+        "{forward:?} {reverse:?}"
+    );
+    assert!([forward, reverse].contains(&gradient("auto")));
+    let bad = ["eval", "main.vola", "--args", "1,2,3,4,5,6,7,8", "--mode", "backward"];
+    dir.run(&bad).fails_with(2, &["backward", "auto, forward, reverse"]);
+}

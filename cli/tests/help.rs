@@ -39,7 +39,7 @@ fn limits_are_listed() {
     assert_eq!(names(&listed["language"]), Limits::ALL.iter().map(|l| l.name).collect::<Vec<_>>());
     assert!(names(&listed["service"]).contains(&"points".to_owned()));
     let nesting = listed["language"].as_array().unwrap().iter().find(|l| l["name"] == "nesting").unwrap();
-    let about = "Brackets, blocks and prefix operators inside each other.";
+    let about = "Brackets, blocks and prefix operators inside each other; at most 512.";
     let expected = json!({ "name": "nesting", "value": 256, "default": 256, "code": "E1004", "about": about });
     assert_eq!(*nesting, expected);
 }

@@ -236,3 +236,34 @@ fn timings_list_the_steps_in_order() {
     assert!(places.all(|p| p.is_some() && std::mem::replace(&mut last, p) < p), "{}", ran.err);
     assert!(ran.err.contains("\ntotal") && ran.err.contains('%'), "{}", ran.err);
 }
+
+#[test]
+fn timings_say_which_way_derivatives_are_computed() {
+    let wide = "export fn f(a: vec4, b: vec4) -> real { sqrt(dot(a, b) * dot(a, a) + exp(b.x * a.y)) }\n";
+    let dir = Dir::with(&format!("{wide}export fn g(a: real, b: real) -> real {{ a * a * b }}\n"));
+    let queries = ["--query", "gradient(a)", "--query", "gradient(b)", "--timings"];
+    let way = |args: &[&str]| {
+        let ran = dir.run(&[&["compile", "main.vola"], &queries[..], args].concat());
+        assert_eq!(ran.code, Some(0), "{ran:?}");
+        ran.err.lines().filter(|l| l.starts_with("derivatives")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let f = ["--export", "f", "-o", "auto.wasm"];
+    let auto = way(&f);
+    assert!(auto.len() == 1 && auto[0].starts_with("derivatives: reverse (cost "), "{auto:?}");
+    assert!(auto[0].contains("; forward "), "{auto:?}");
+    for mode in ["forward", "reverse"] {
+        let file = format!("{mode}.wasm");
+        let asked = way(&["--export", "f", "-o", &file, "--mode", mode]);
+        assert_eq!(asked, [format!("derivatives: {mode} (asked for)")]);
+    }
+    let bytes = |name: &str| std::fs::read(dir.0.join(name)).unwrap();
+    assert!(bytes("forward.wasm") != bytes("reverse.wasm") && bytes("auto.wasm") != bytes("reverse.wasm"));
+    let both = way(&["--out-dir", "out"]);
+    assert!(
+        both.len() == 2 && both[0].starts_with("derivatives of `f`: reverse") && both[1].contains("`g`"),
+        "{both:?}"
+    );
+    let none = dir.run(&["compile", "main.vola", "--export", "g", "-o", "g.wasm", "--timings"]);
+    assert!(none.err.contains("derivatives: forward (no reverse sweep applies)\n"), "{none:?}");
+    dir.run(&["compile", "main.vola", "--mode", "mixed"]).fails_with(2, &["mixed", "auto, forward, reverse"]);
+}

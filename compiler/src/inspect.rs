@@ -59,7 +59,7 @@ fn of_export(
     };
     diffs.add(&elaborated.graph, &elaborated.diffs, watch);
     let mut found = elaborated.warnings;
-    let steps = Steps { options, origins: &elaborated.origins, export: &function.name };
+    let steps = Steps { options, origins: &elaborated.origins, carried: &elaborated.carried, export: &function.name };
     let limits = &options.limits;
     let nodes = usize::try_from(limits.derived_nodes).unwrap_or(usize::MAX);
     watch.step("differentiate");

@@ -13,6 +13,7 @@ mod loader;
 mod migrate;
 pub mod pipeline;
 mod request;
+mod rewrite;
 mod seal;
 mod wanted;
 
@@ -26,3 +27,4 @@ pub use loader::{MemoryLoader, WithStd, standard_library};
 pub use migrate::migrate;
 pub use pipeline::{Checked, Export, Options, Parameter, STEPS, check, compile, print_step};
 pub use request::{DerivativeMode, Query, Rate, Request, Target, UnknownQuery};
+pub use rewrite::{Malformed, rewrite};

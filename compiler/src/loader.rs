@@ -83,6 +83,20 @@ impl Loader for MemoryLoader {
         library.to_owned()
     }
 
+    /// From the base `a/b`, the path that goes up once and down to `b` goes nowhere.
+    fn resolve(&self, mut at: ModulePath) -> ModulePath {
+        let directory = self.directory();
+        while at.ups > 0 && at.path.len() > 1 && at.library.is_none() {
+            let down = directory.len().checked_sub(at.ups as usize).and_then(|i| directory.get(i));
+            if down.is_none_or(|down| at.path.first().is_none_or(|first| first != down)) {
+                break;
+            }
+            at.ups -= 1;
+            at.path.remove(0);
+        }
+        at
+    }
+
     fn allows(&self, at: &ModulePath) -> bool {
         at.ups as usize <= self.directory().len()
     }

@@ -24,7 +24,7 @@ pub fn migrate(checked: &Checked, loader: &dyn Loader) -> Option<String> {
     called.extend(program.functions.iter().map(|f| f.name.as_str()));
     called.extend(Builtin::ALL.iter().map(|b| b.name()));
     called.extend(["diff", "bound"]);
-    let mut edits = Edits { text, tree, list: Vec::new(), taken: identifiers(text) };
+    let mut edits = Edits { text, tree, list: Vec::new(), recalled: BTreeSet::new(), taken: identifiers(text) };
     let libraries = WithStd(loader).libraries();
     for item in &tree.items {
         edits.item(item, &libraries, |name| {
@@ -50,6 +50,7 @@ pub fn migrate(checked: &Checked, loader: &dyn Loader) -> Option<String> {
             {
                 // Parentheses around the call are part of its span and stay.
                 let end = edits.closing(callee.span.end);
+                edits.recalled.insert(callee.span.start);
                 edits.replace(Span { start: callee.span.end, end, ..callee.span }, "");
             }
             _ => {}
@@ -59,7 +60,9 @@ pub fn migrate(checked: &Checked, loader: &dyn Loader) -> Option<String> {
         edits.statement(stmt);
     }
     let edited = edits.apply();
-    let parsed = parse(FileId(0), &edited, &Limits::default());
+    // What nests as deep as the host allows for the program may do so here; no edit adds a bracket around another.
+    let limits = Limits { nesting: u64::MAX, ..Limits::default() };
+    let parsed = parse(FileId(0), &edited, &limits);
     Some(format(&edited, &parsed.tree))
 }
 
@@ -68,6 +71,8 @@ struct Edits<'a> {
     text: &'a str,
     tree: &'a Tree,
     list: Vec<(u32, u32, String)>,
+    /// Where a csg variable is written as a call, `t()`.
+    recalled: BTreeSet<u32>,
     /// Names that new variables may not have.
     taken: BTreeSet<String>,
 }
@@ -171,7 +176,8 @@ impl<'a> Edits<'a> {
             let called = lexer.clone().token().kind == TokenKind::LParen;
             let span = Span::new(FileId(0), at(token.start), at(token.end));
             let named = token.kind == TokenKind::Ident && self.text.get(token.start..token.end) == Some(name);
-            if named && before != Some(TokenKind::Dot) && !called && !types(span.start) {
+            let variable = !called || self.recalled.contains(&span.start);
+            if named && before != Some(TokenKind::Dot) && variable && !types(span.start) {
                 uses.push(span);
             }
             before = Some(token.kind);

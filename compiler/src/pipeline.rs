@@ -1,18 +1,18 @@
 //! The pipeline: the one place that lists the steps of a compilation. Each step is a function of another crate; what
 //! stands here is their order, and what becomes of their errors.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use isograd_elaborate::{Elaborated, Metadata, elaborate, metadata};
-use isograd_graph::{Exhausted, Graph, Verified, Watch, verify};
+use isograd_graph::{Exhausted, Graph, Origin, Verified, Watch, verify};
 use isograd_program::typed::{Function, FunctionId, Param};
 use isograd_program::{Loader, Program, Type};
 use isograd_syntax::tree::Tree;
 use isograd_syntax::{Code, Diagnostic, Diagnostics, FileId, Files, Limits};
 use isograd_transform::{
-    DifferentiateError, Sweep, cost, derive, differentiate, fold, kernels, optimise, reverses, schedule,
+    DifferentiateError, Sweep, cost, derive, differentiate, fold, kernels, optimise, reverse_is_plausible, schedule,
 };
-use isograd_wasm::{EmitError, Plan};
+use isograd_wasm::{EmitError, Plan, Split};
 
 use crate::inspect::Influences;
 use crate::seal::{self, Identity};
@@ -183,7 +183,10 @@ pub(crate) fn reported(found: Diagnostics, limits: &Limits) -> Vec<Diagnostic> {
     let report = found.finish(limits);
     let mut diagnostics = report.diagnostics;
     if report.omitted_errors > 0 {
-        let message = format!("{} more errors are not shown", report.omitted_errors);
+        let message = match report.omitted_errors {
+            1 => "1 more error is not shown".to_owned(),
+            n => format!("{n} more errors are not shown"),
+        };
         diagnostics
             .push(Diagnostic::global(Code::E1012, message).help("mend these first, or raise the limit `diagnostics`"));
     }
@@ -254,11 +257,12 @@ fn run(
     let wanting = Wanting::of(program, request, limits).map_err(|d| vec![*d])?;
 
     watch.step("elaborate");
-    let Elaborated { graph, origins, mut warnings, diffs } = elaborate(program, wanting.export, limits, watch)?;
+    let Elaborated { graph, origins, carried, mut warnings, diffs } =
+        elaborate(program, wanting.export, limits, watch)?;
     let mut influences = Influences::default();
     influences.add(&graph, &diffs, watch);
     warnings.extend(influences.warnings(checked, &warnings));
-    let steps = Steps { options, origins: &origins, export: &request.export };
+    let steps = Steps { options, origins: &origins, carried: &carried, export: &request.export };
     let graph = steps.checked("elaborate", graph, observe)?;
 
     watch.step("derive");
@@ -283,7 +287,8 @@ fn run(
 
     watch.step("emit");
     let verified = verify(graph).map_err(|e| vec![internal(&e.to_string())])?;
-    let emission = isograd_wasm::Options { precision, varying: &wanting.varying, vectors: None };
+    let emission =
+        isograd_wasm::Options { precision, varying: &wanting.varying, vectors: None, split: Split::default() };
     let written = Plan::new(&verified, &emission).and_then(Plan::write).map_err(|e| vec![unemittable(&e)])?;
 
     watch.step("seal");
@@ -313,37 +318,39 @@ fn cheaper(
     let sweeps: &[Sweep] = match request.mode {
         DerivativeMode::Forward => &[Sweep::Forward],
         DerivativeMode::Reverse => &[Sweep::Reverse],
-        DerivativeMode::Auto if reverses(&graph) => &[Sweep::Forward, Sweep::Reverse],
+        DerivativeMode::Auto if reverse_is_plausible(&graph) => &[Sweep::Forward, Sweep::Reverse],
         DerivativeMode::Auto => &[Sweep::Forward],
     };
+    // One direction may exceed a limit that the other keeps.
+    let mut failure = None;
+    let mut keep = |result: Result<Graph, Vec<Diagnostic>>| match result {
+        Ok(graph) => Some(graph),
+        Err(why) => {
+            failure.get_or_insert(why);
+            None
+        }
+    };
+    let mut derived = Vec::new();
+    for sweep in sweeps {
+        let result = differentiate(graph.clone(), *sweep, limits.diff_order, nodes, watch);
+        derived.extend(keep(result.map_err(|e| steps.underivable(e))).map(|graph| (*sweep, graph)));
+    }
+    watch.step("fold");
     let mut derivatives = Derivatives { mode: DerivativeMode::Forward, forward: None, reverse: None };
     let mut best: Option<(u64, Graph, Graph)> = None;
-    let mut failure = None;
-    for sweep in sweeps {
-        watch.step("differentiate");
-        let derived = differentiate(graph.clone(), *sweep, limits.diff_order, nodes, watch);
-        watch.step("fold");
-        let folded = derived.map_err(|e| steps.underivable(e)).and_then(|derived| {
-            let folded = fold(&derived, request.precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
-            Ok((derived, folded))
-        });
-        // One direction may exceed a limit that the other keeps.
-        let (derived, folded) = match folded {
-            Ok(graphs) => graphs,
-            Err(why) => {
-                failure.get_or_insert(why);
-                continue;
-            }
-        };
+    for (sweep, derived) in derived {
+        let result = fold(&derived, request.precision, nodes, watch);
+        let Some(folded) = keep(result.map_err(|e| steps.exhausted(e))) else { continue };
         let cost = cost(&folded);
-        let (mode, place) = match sweep {
-            Sweep::Forward => (DerivativeMode::Forward, &mut derivatives.forward),
-            Sweep::Reverse => (DerivativeMode::Reverse, &mut derivatives.reverse),
+        let (mode, place, weight) = match sweep {
+            Sweep::Forward => (DerivativeMode::Forward, &mut derivatives.forward, cost),
+            // All values wait in registers or memory until the walk comes back to them.
+            Sweep::Reverse => (DerivativeMode::Reverse, &mut derivatives.reverse, cost.saturating_add(cost / 4)),
         };
         *place = Some(cost);
-        if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+        if best.as_ref().is_none_or(|(least, ..)| weight < *least) {
             derivatives.mode = mode;
-            best = Some((cost, derived, folded));
+            best = Some((weight, derived, folded));
         }
     }
     match (best, failure) {
@@ -355,10 +362,14 @@ fn cheaper(
     }
 }
 
+const GROWING: &str = "the order of this derivative would grow with the number of iterations";
+
 /// What the steps of one compilation have in common.
 pub(crate) struct Steps<'a> {
     pub options: &'a Options,
     pub origins: &'a [isograd_syntax::Span],
+    /// The names of the variables that loops carry.
+    pub carried: &'a BTreeMap<Origin, String>,
     pub export: &'a str,
 }
 
@@ -381,10 +392,11 @@ impl Steps<'_> {
         let limits = &self.options.limits;
         let export = self.export;
         vec![match why {
-            Exhausted::Nodes(n) => {
-                Diagnostic::global(Code::E1008, format!("the derivatives of `{export}` have more than {n} nodes"))
-                    .help("ask for fewer derivatives at once, or raise the limit `derived_nodes`")
-            }
+            Exhausted::Nodes(n) => Diagnostic::global(
+                Code::E1008,
+                format!("`{export}` with its derivatives needs more than {n} operations"),
+            )
+            .help("ask for fewer derivatives at once, or raise the limit `derived_nodes`"),
             Exhausted::Time => {
                 let limit = limits.compile_time_ms;
                 Diagnostic::global(Code::E1011, format!("compiling `{export}` took longer than {limit} ms"))
@@ -396,12 +408,20 @@ impl Steps<'_> {
     pub(crate) fn underivable(&self, why: DifferentiateError) -> Vec<Diagnostic> {
         let (origin, code, message, help) = match why {
             DifferentiateError::Exhausted(why) => return self.exhausted(why),
-            DifferentiateError::Growing(origin) => (
-                origin,
-                Code::E0705,
-                "this `diff` depends, through a variable that the loop carries, on its own result".to_owned(),
-                "its order would grow with the trip count: differentiate after the loop, or by a value of the iteration",
-            ),
+            DifferentiateError::Growing { diff, carried } => {
+                let place = |span| Diagnostic::new(Code::E0705, span, GROWING);
+                let at = |origin: Origin| self.origins.get(origin.0 as usize).copied();
+                let mut diagnostic = at(diff).map_or_else(|| Diagnostic::global(Code::E0705, GROWING), place);
+                if let Some((name, span)) = carried.and_then(|c| self.carried.get(&c).zip(at(c))) {
+                    diagnostic = diagnostic
+                        .here(format!("depends on its own result, through `{name}`"))
+                        .label(span, format!("`{name}` is carried from one iteration to the next"));
+                }
+                return vec![
+                    diagnostic
+                        .help("differentiate after the loop, or by a value that is computed in the same iteration"),
+                ];
+            }
             DifferentiateError::Order(origin) => (
                 origin,
                 Code::E1009,

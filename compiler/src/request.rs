@@ -38,6 +38,21 @@ pub enum DerivativeMode {
     Reverse,
 }
 
+impl DerivativeMode {
+    /// All modes, the default first.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Forward, Self::Reverse];
+
+    /// `auto`, `forward` or `reverse`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Forward => "forward",
+            Self::Reverse => "reverse",
+        }
+    }
+}
+
 /// Whether a parameter has one value per call or one per point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -1,7 +1,8 @@
 //! The pipeline from source to module: its steps, its ids, and what it says of bad requests.
 
 use isograd_compiler::{
-    Checked, Code, MemoryLoader, Options, Query, Rate, Request, STEPS, Unwatched, Watch, check, compile, print_step,
+    Checked, Code, DerivativeMode, Derivatives, MemoryLoader, Options, Query, Rate, Request, STEPS, Unwatched, Watch,
+    check, compile, print_step,
 };
 use std::cell::RefCell;
 
@@ -103,11 +104,50 @@ fn every_field_of_a_request_changes_its_id() {
     ids.push(id(&program, &request(&["gradient(at)"])));
     ids.push(id(&program, &Request { precision: isograd_compiler::Precision::F64, ..plain.clone() }));
     ids.push(id(&program, &Request { rates: [("radius".into(), Rate::Varying)].into(), ..plain.clone() }));
+    ids.push(id(&program, &Request { mode: DerivativeMode::Forward, ..plain.clone() }));
+    ids.push(id(&program, &Request { mode: DerivativeMode::Reverse, ..plain.clone() }));
     ids.push(id(&checked(&SPHERE.replace("ball.", " ball.")), &plain));
     let count = ids.len();
     ids.sort();
     ids.dedup();
     assert_eq!(ids.len(), count);
+}
+
+fn derivatives(program: &Checked, queries: &[&str], mode: DerivativeMode) -> Derivatives {
+    let request = Request { mode, ..request(queries) };
+    compile(program, &request, &options(), &Unwatched).unwrap().manifest.derivatives
+}
+
+#[test]
+fn many_parameters_are_differentiated_by_in_reverse() {
+    let program = checked(
+        "export fn field(a: vec4, b: vec4, c: vec4) -> real {
+            let products = dot(a, b) + dot(b, c) + dot(c, a);
+            let roots = sqrt(products * products + 1.0) * min(products, 3.0);
+            sqrt(roots * roots + products)
+        }",
+    );
+    let of = |mode| derivatives(&program, &["value", "gradient(a)", "gradient(b)", "gradient(c)"], mode);
+    let (forward, reverse) = (of(DerivativeMode::Forward), of(DerivativeMode::Reverse));
+    let (Some(ahead), Some(back)) = (forward.forward, reverse.reverse) else { panic!("{forward:?} {reverse:?}") };
+    assert_eq!((forward.mode, forward.reverse), (DerivativeMode::Forward, None));
+    assert_eq!((reverse.mode, reverse.forward), (DerivativeMode::Reverse, None));
+    let taken = Derivatives { mode: DerivativeMode::Reverse, forward: Some(ahead), reverse: Some(back) };
+    assert_eq!(of(DerivativeMode::Auto), taken);
+    assert!(back < ahead);
+}
+
+#[test]
+fn many_results_are_differentiated_forward() {
+    let program = checked(
+        "export fn field(x: real) -> (vec4, vec4, vec4) {
+            ([sin(x), x * x, sqrt(x), exp(x)], [x, cos(x), x + 1.0, 2.0 * x], [1.0 / x, tan(x), x * sin(x), atan(x)])
+        }",
+    );
+    let auto = derivatives(&program, &["gradient(x)"], DerivativeMode::Auto);
+    let forward = derivatives(&program, &["gradient(x)"], DerivativeMode::Forward);
+    assert_eq!((auto.mode, auto.forward), (DerivativeMode::Forward, forward.forward));
+    assert!(auto.reverse.is_none_or(|reverse| auto.forward.is_some_and(|forward| forward <= reverse)), "{auto:?}");
 }
 
 #[test]

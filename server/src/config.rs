@@ -78,8 +78,8 @@ impl Config {
     /// Changes a limit of the language or of the service.
     ///
     /// # Errors
-    /// If there is none of this name.
-    pub fn limit(&mut self, name: &str, value: u64) -> Result<(), limits::UnknownLimit> {
+    /// If there is none of this name, or the value is more than it may be given.
+    pub fn limit(&mut self, name: &str, value: u64) -> Result<(), limits::LimitError> {
         limits::set(name, value, &mut self.options.limits, Some(&mut self.limits))
     }
 }

@@ -36,7 +36,7 @@ use tokio::sync::oneshot;
 use tracing::{info, warn};
 
 pub use config::{Config, server_options};
-pub use libraries::{Libraries, read_source};
+pub use libraries::{Libraries, read_source, read_text};
 pub use limits::{LimitValue, ServerLimits};
 pub use problem::{Kind, Problem};
 pub use program::{Program, Source, diagnose};

@@ -42,8 +42,16 @@ const LARGEST_FILE: u64 = 256 << 20;
 /// # Errors
 /// If it cannot be read, or is larger than any source may be.
 pub fn read_source(path: &Path) -> io::Result<Vec<u8>> {
+    read_text(std::fs::File::open(path)?)
+}
+
+/// As [`read_source`], from wherever the text comes.
+///
+/// # Errors
+/// If it cannot be read, or is larger than any source may be.
+pub fn read_text(from: impl Read) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    std::fs::File::open(path)?.take(LARGEST_FILE + 1).read_to_end(&mut bytes)?;
+    from.take(LARGEST_FILE + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > LARGEST_FILE {
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, "the file is larger than 256 MiB"));
     }

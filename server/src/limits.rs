@@ -81,37 +81,56 @@ limits! {
     shutdown_ms: 30_000;
 }
 
-/// A name that no limit has; the message lists the names there are.
+/// Why a limit cannot be set.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no limit `{name}`; the limits are {}", known.join(", "))]
-pub struct UnknownLimit {
-    /// The name.
-    pub name: String,
-    /// Those there are.
-    pub known: Vec<&'static str>,
+pub enum LimitError {
+    /// No limit has the name.
+    #[error("there is no limit `{name}`; the limits are {}", known.join(", "))]
+    Unknown {
+        /// The name.
+        name: String,
+        /// Those there are.
+        known: Vec<&'static str>,
+    },
+    /// It cannot be as large as that.
+    #[error("the limit `{name}` is at most {most}")]
+    TooLarge {
+        /// The limit.
+        name: &'static str,
+        /// Its greatest value.
+        most: u64,
+    },
 }
 
 /// Changes a limit: one of the language, or of the service if there is one. The two share no name.
 ///
 /// # Errors
-/// If there is no limit of this name.
+/// If there is no limit of this name, or the value is more than it may be given.
 pub fn set(
     name: &str,
     value: u64,
     language: &mut Limits,
     service: Option<&mut ServerLimits>,
-) -> Result<(), UnknownLimit> {
+) -> Result<(), LimitError> {
     let known = Limits::ALL.iter().map(|l| l.name);
     if let Some(limit) = Limits::ALL.iter().find(|l| l.name == name) {
+        if value > limit.most {
+            return Err(LimitError::TooLarge { name: limit.name, most: limit.most });
+        }
         (limit.set)(language, value);
         return Ok(());
     }
-    let Some(service) = service else { return Err(UnknownLimit { name: name.to_owned(), known: known.collect() }) };
+    let Some(service) = service else {
+        return Err(LimitError::Unknown { name: name.to_owned(), known: known.collect() });
+    };
     if let Some(limit) = ServerLimits::ALL.iter().find(|l| l.name == name) {
         (limit.set)(service, value);
         return Ok(());
     }
-    Err(UnknownLimit { name: name.to_owned(), known: known.chain(ServerLimits::ALL.iter().map(|l| l.name)).collect() })
+    Err(LimitError::Unknown {
+        name: name.to_owned(),
+        known: known.chain(ServerLimits::ALL.iter().map(|l| l.name)).collect(),
+    })
 }
 
 /// The limits of the language as JSON: `{name, value, default, code, about}`, the code being that of the diagnostic
@@ -159,5 +178,9 @@ mod tests {
         assert!(error("point", Some(&mut ServerLimits::default())).ends_with("queue, shutdown_ms"));
         set("nesting", 7, &mut limits, None).unwrap();
         assert_eq!(limits, Limits { nesting: 7, ..Limits::default() });
+        let error = set("nesting", 513, &mut limits, None).unwrap_err();
+        assert_eq!(error.to_string(), "the limit `nesting` is at most 512");
+        assert_eq!(limits.nesting, 7);
+        set("nesting", 512, &mut limits, None).unwrap();
     }
 }

@@ -3,7 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use isograd_compiler::{Checked, Code, Diagnostic, Loader, MemoryLoader, ModulePath, Options, check, inspect};
+use isograd_compiler::{
+    Checked, Code, Diagnostic, Loader, Malformed, MemoryLoader, ModulePath, Options, check, inspect, rewrite,
+};
 use serde_json::{Value, json};
 
 use crate::libraries::Libraries;
@@ -86,6 +88,30 @@ impl Source {
     pub fn bytes(&self) -> usize {
         self.files.values().map(String::len).sum()
     }
+
+    /// The text of the entry file.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        self.files.get(&self.entry).map_or("", String::as_str)
+    }
+
+    /// The entry file formatted and, if that is wanted, in the current dialect.
+    ///
+    /// # Errors
+    /// Its errors.
+    pub fn rewritten(&self, migrate: bool, libraries: &Libraries, options: &Options) -> Result<String, Malformed> {
+        let loader = self.loader(libraries);
+        let migrating = migrate.then_some(&loader as &dyn Loader);
+        let watch = Stopwatch::start(&options.limits);
+        rewrite(&self.entry, self.text().to_owned().into_bytes(), migrating, options, &watch)
+    }
+
+    /// What finds the files that the entry file imports.
+    fn loader<'a>(&self, libraries: &'a Libraries) -> Confined<'a> {
+        let files = self.files.iter().map(|(path, text)| (path.clone(), text.clone().into_bytes())).collect();
+        let base = self.entry.rsplit_once('/').map_or("", |(directory, _)| directory).to_owned();
+        Confined { program: MemoryLoader { files, base }, libraries }
+    }
 }
 
 /// `./a//b.vola` is `a/b.vola`; what leaves the program's directory or is no Vola file is an error.
@@ -132,10 +158,8 @@ impl Program {
     /// Checks a program.
     #[must_use]
     pub fn check(source: Source, libraries: &Libraries, options: &Options) -> Self {
-        let files = source.files.iter().map(|(path, text)| (path.clone(), text.clone().into_bytes())).collect();
-        let base = source.entry.rsplit_once('/').map_or("", |(directory, _)| directory).to_owned();
-        let loader = Confined { program: MemoryLoader { files, base }, libraries };
-        let entry = source.files.get(&source.entry).cloned().unwrap_or_default().into_bytes();
+        let loader = source.loader(libraries);
+        let entry = source.text().to_owned().into_bytes();
         let watch = Stopwatch::start(&options.limits);
         let checked = check(&source.entry, entry, &loader, options, &watch);
         let diagnostics = diagnose(&checked, options);

@@ -15,7 +15,7 @@ use axum::http::request::Parts;
 use axum::http::{HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use isograd_compiler::{Code, Files, Precision, Query, Rate, Request as Wanted, UnknownCode, explain};
+use isograd_compiler::{Code, DerivativeMode, Files, Precision, Query, Rate, Request as Wanted, UnknownCode, explain};
 use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::json;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -43,6 +43,7 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/v1/programs/{id}", get(get_program))
         .route("/v1/programs/{id}/evaluate", post(evaluate))
         .route("/v1/programs/{id}/module.wasm", get(module))
+        .route("/v1/format", post(format))
         .route("/v1/limits", get(limits))
         .route(pages::ADDRESS, get(diagnostics))
         .route(&format!("{}/{{code}}", pages::ADDRESS), get(diagnostic))
@@ -87,13 +88,8 @@ async fn post_program(State(service): Shared, request: Request) -> Result<Respon
 
 fn keep(service: &Service, body: &Held) -> Result<Response, Problem> {
     let posted: Posted = read_json(&body.bytes)?;
-    let limit = service.limits.program_files();
-    if posted.files.len() as u64 > limit.value {
-        return Err(over(limit, "files", posted.files.len() as u64));
-    }
     let limits = &service.options.limits;
-    let source = Source::new(posted.files, posted.entry.as_deref())
-        .map_err(|d| Problem::diagnostics(&d, &Files::default(), limits))?;
+    let source = source(service, posted.files, posted.entry.as_deref())?;
     let program = service.check(source);
     if program.has_errors() {
         return Err(Problem::diagnostics(&program.diagnostics, &program.checked.files, limits));
@@ -113,6 +109,42 @@ fn keep(service: &Service, body: &Held) -> Result<Response, Problem> {
     Ok(response)
 }
 
+/// The program that files and the name of the entry stand for.
+fn source(service: &Service, files: BTreeMap<String, String>, entry: Option<&str>) -> Result<Source, Problem> {
+    let limit = service.limits.program_files();
+    if files.len() as u64 > limit.value {
+        return Err(over(limit, "files", files.len() as u64));
+    }
+    Source::new(files, entry).map_err(|d| Problem::diagnostics(&d, &Files::default(), &service.options.limits))
+}
+
+/// The body of `POST /v1/format`: a program, whose entry file is formatted. The other files are needed to migrate.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Format {
+    files: BTreeMap<String, String>,
+    entry: Option<String>,
+    #[serde(default)]
+    migrate: bool,
+}
+
+async fn format(State(service): Shared, request: Request) -> Result<Response, Problem> {
+    let body = read_body(&service, request, service.limits.program_bytes()).await?;
+    let shared = Arc::clone(&service);
+    service.pool.run(move || formatted(&shared, &body)).await
+}
+
+fn formatted(service: &Service, body: &Held) -> Result<Response, Problem> {
+    let asked: Format = read_json(&body.bytes)?;
+    let source = source(service, asked.files, asked.entry.as_deref())?;
+    let options = &service.options;
+    let text = source
+        .rewritten(asked.migrate, &service.libraries, options)
+        .map_err(|m| Problem::diagnostics(&m.diagnostics, &m.files, &options.limits))?;
+    let changed = text != source.text();
+    Ok(axum::Json(json!({ "text": text, "changed": changed })).into_response())
+}
+
 async fn get_program(State(service): Shared, Id(id): Id) -> Result<Response, Problem> {
     let shared = Arc::clone(&service);
     service.pool.run(move || Ok(axum::Json(shared.program(&id)?.json()).into_response())).await
@@ -127,6 +159,16 @@ struct Evaluate {
     #[serde(default)]
     inputs: Named,
     precision: Option<String>,
+    mode: Option<String>,
+}
+
+/// How a request names what is to be compiled.
+#[derive(Default)]
+struct Choice {
+    export: Option<String>,
+    queries: Option<Vec<String>>,
+    precision: Option<String>,
+    mode: Option<String>,
 }
 
 async fn evaluate(State(service): Shared, Id(id): Id, request: Request) -> Result<Response, Problem> {
@@ -138,7 +180,8 @@ async fn evaluate(State(service): Shared, Id(id): Id, request: Request) -> Resul
 fn answer(service: &Service, id: &str, body: Held) -> Result<Response, Problem> {
     let program = service.program(id)?;
     let asked: Evaluate = read_json(&body.bytes)?;
-    let mut wanted = wanted(service, &program, asked.export, asked.query.as_deref(), asked.precision.as_deref())?;
+    let choice = Choice { export: asked.export, queries: asked.query, precision: asked.precision, mode: asked.mode };
+    let mut wanted = wanted(service, &program, &choice)?;
     let exports = program.checked.exports();
     let export = select::export(&exports, Some(&wanted.export))?;
 
@@ -183,18 +226,19 @@ async fn module(State(service): Shared, Id(id): Id, RawQuery(query): RawQuery) -
 }
 
 fn module_bytes(service: &Service, id: &str, query: &str) -> Result<Response, Problem> {
-    let (mut export, mut queries, mut precision) = (None, Vec::new(), None);
+    let mut choice = Choice::default();
     for (name, value) in form_urlencoded::parse(query.as_bytes()) {
         let value = value.into_owned();
         let before = match &*name {
-            "export" => export.replace(value),
-            "precision" => precision.replace(value),
+            "export" => choice.export.replace(value),
+            "precision" => choice.precision.replace(value),
+            "mode" => choice.mode.replace(value),
             "query" => {
-                queries.push(value);
+                choice.queries.get_or_insert_default().push(value);
                 None
             }
             _ => {
-                let message = format!("unknown field `{name}`, expected `export`, `query` or `precision`");
+                let message = format!("unknown field `{name}`, expected `export`, `query`, `precision` or `mode`");
                 return Err(Problem::new(Kind::InvalidRequest, message));
             }
         };
@@ -203,8 +247,7 @@ fn module_bytes(service: &Service, id: &str, query: &str) -> Result<Response, Pr
         }
     }
     let program = service.program(id)?;
-    let queries = if queries.is_empty() { None } else { Some(queries.as_slice()) };
-    let wanted = wanted(service, &program, export, queries, precision.as_deref())?;
+    let wanted = wanted(service, &program, &choice)?;
     let artefact = service.compiled(&program, &wanted)?;
     let manifest = &artefact.manifest;
     let disposition = format!("attachment; filename=\"{}.wasm\"", manifest.export);
@@ -268,36 +311,22 @@ fn panicked(cause: Box<dyn Any + Send + 'static>) -> Response {
     Problem::new(Kind::Internal, "the request could not be answered; this is a mistake of the server").into_response()
 }
 
-/// The request to the compiler that the fields of a request stand for; everything it names exists.
-fn wanted(
-    service: &Service,
-    program: &Program,
-    export: Option<String>,
-    queries: Option<&[String]>,
-    precision: Option<&str>,
-) -> Result<Wanted, Problem> {
+/// The request to the compiler that a choice stands for; everything it names exists.
+fn wanted(service: &Service, program: &Program, choice: &Choice) -> Result<Wanted, Problem> {
     let limit = service.limits.queries();
-    if let Some(count) = queries.map(|q| q.len() as u64).filter(|n| *n > limit.value) {
+    if let Some(count) = choice.queries.as_ref().map(|q| q.len() as u64).filter(|n| *n > limit.value) {
         return Err(over(limit, "queries", count));
     }
     if program.has_errors() {
         let (diagnostics, files) = (&program.diagnostics, &program.checked.files);
         return Err(Problem::diagnostics(diagnostics, files, &service.options.limits));
     }
-    let precision = match precision {
-        None | Some("f32") => Precision::F32,
-        Some("f64") => Precision::F64,
-        Some(other) => {
-            let shown: String = other.chars().take(50).collect();
-            return Err(Problem::new(
-                Kind::InvalidRequest,
-                format!("unknown precision `{shown}`, expected f32 or f64"),
-            ));
-        }
-    };
+    let precisions = [Precision::F32, Precision::F64];
+    let precision = one_of("precision", choice.precision.as_deref(), &precisions, Precision::name)?;
+    let mode = one_of("mode", choice.mode.as_deref(), &DerivativeMode::ALL, DerivativeMode::name)?;
     let exports = program.checked.exports();
-    let export = select::export(&exports, export.as_deref())?;
-    let queries = match queries {
+    let export = select::export(&exports, choice.export.as_deref())?;
+    let queries = match &choice.queries {
         None => vec![Query::Value],
         Some(texts) => texts
             .iter()
@@ -311,7 +340,23 @@ fn wanted(
         .enumerate()
         .map(|(i, p)| (p.name.clone(), if i == 0 { Rate::Varying } else { Rate::Uniform }))
         .collect();
-    Ok(Wanted { export: export.name.clone(), queries, precision, rates, ..Wanted::default() })
+    Ok(Wanted { export: export.name.clone(), queries, precision, rates, mode, ..Wanted::default() })
+}
+
+/// The value of a field that takes one of a few names; without it, the default.
+fn one_of<T: Copy + Default>(
+    field: &str,
+    given: Option<&str>,
+    all: &[T],
+    name: fn(T) -> &'static str,
+) -> Result<T, Problem> {
+    let Some(given) = given else { return Ok(T::default()) };
+    all.iter().copied().find(|value| name(*value) == given).ok_or_else(|| {
+        let shown: String = given.chars().take(50).collect();
+        let names: Vec<&str> = all.iter().map(|value| name(*value)).collect();
+        let detail = format!("unknown {field} `{shown}`, expected one of {}", names.join(", "));
+        Problem::new(Kind::InvalidRequest, detail)
+    })
 }
 
 /// Reads a body, within a limit of bytes, of time, and of what all bodies may take together.

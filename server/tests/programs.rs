@@ -366,3 +366,35 @@ async fn health_says_live_and_ready_until_the_store_is_gone() {
     assert_eq!(answer.headers["retry-after"], "1");
     assert_eq!(client.get("/health/live").await.status, 200);
 }
+
+#[tokio::test]
+async fn both_ways_of_derivatives_agree() {
+    let directory = TempDir::new();
+    let client = Client::over(&directory.0);
+    let id = client.id("export fn f(a: vec4) -> real { sqrt(dot(a, a) * a.x + exp(a.y * a.z)) }").await;
+    let mut gradients = Vec::new();
+    let mut ids = Vec::new();
+    for mode in ["forward", "reverse", "auto"] {
+        let body = json!({ "query": ["gradient(a)"], "mode": mode, "inputs": { "a": [1.5, 0.5, 2, 3] } });
+        let answer = client.evaluate(&id, body).await;
+        assert_eq!(answer.status, 200, "{}", answer.json());
+        gradients.push(rows(&answer.json(), 0).concat());
+        let module = client.get(&format!("/v1/programs/{id}/module.wasm?query=gradient(a)&mode={mode}")).await;
+        assert_eq!(module.status, 200);
+        ids.push(module.headers["etag"].clone());
+    }
+    let near = |x: &f64, y: &f64| (x - y).abs() <= 1e-5 * x.abs().max(1.0);
+    assert!(gradients[0].iter().zip(&gradients[1]).all(|(x, y)| near(x, y)), "{gradients:?}");
+    assert!(gradients[..2].contains(&gradients[2]), "{gradients:?}");
+    assert!(ids[0] != ids[1] && ids[1] != ids[2] && ids[0] != ids[2], "{ids:?}");
+    let plain = client.get(&format!("/v1/programs/{id}/module.wasm?query=gradient(a)")).await;
+    assert_eq!(plain.headers["etag"], ids[2], "auto is the default");
+    let body = json!({ "mode": "backward", "inputs": { "a": [1, 2, 3, 4] } });
+    for answer in
+        [client.evaluate(&id, body).await, client.get(&format!("/v1/programs/{id}/module.wasm?mode=backward")).await]
+    {
+        let problem = answer.problem(422, "invalid-request");
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.contains("mode `backward`") && detail.contains("auto, forward, reverse"), "{detail}");
+    }
+}

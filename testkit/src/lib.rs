@@ -5,6 +5,7 @@
 //! the kernels. The `laws` are functions over what they quantify over; tests, fuzz targets and the gate call the same
 //! ones.
 
+pub mod corpus;
 pub mod differences;
 pub mod dual;
 pub mod laws;

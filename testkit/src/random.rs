@@ -128,7 +128,9 @@ impl Gardener<'_, '_, '_> {
         }
         match op {
             // √(1 + x²) is at least 1.
-            Op::Sqrt | Op::Log | Op::Log2 | Op::Acosh | Op::Pow => args[0] = self.at_least_one(args[0]),
+            Op::Sqrt | Op::InverseSqrt | Op::Log | Op::Log2 | Op::Acosh | Op::Pow => {
+                args[0] = self.at_least_one(args[0])
+            }
             Op::Div | Op::Unit => args[1] = self.at_least_one(args[1]),
             Op::Exp | Op::Exp2 | Op::Sinh | Op::Cosh | Op::Asin | Op::Acos | Op::Atanh | Op::Tan => {
                 args[0] = self.tamed(args[0]);

@@ -4,7 +4,7 @@
 use std::sync::OnceLock;
 
 use isograd_graph::{Scalar, Value, Verified};
-use isograd_wasm::{Layout, Options, Slot, Vectors, emit};
+use isograd_wasm::{Layout, Options, Slot, Split, Vectors, emit};
 use wasmtime::{Config, Engine, Instance, Memory, Module, OptLevel, Store, TypedFunc};
 
 /// A module that runs.
@@ -27,7 +27,8 @@ impl Machine {
     pub fn new(graph: &Verified, varying: &[bool], vectors: Option<Vectors>) -> Result<Self, Broken> {
         let precision = graph.precision.ok_or_else(|| Broken("the graph has no precision".into()))?;
         let broken = |e: &dyn std::fmt::Display| Broken(e.to_string());
-        let module = emit(graph, &Options { precision, varying, vectors }, b"").map_err(|e| broken(&e))?;
+        let module = emit(graph, &Options { precision, varying, vectors, split: Split::default() }, b"")
+            .map_err(|e| broken(&e))?;
         let compiled = Module::new(engine(), &module.bytes).map_err(|e| broken(&format!("{e:#}")))?;
         if compiled.imports().count() > 0 {
             return Err(Broken("the module imports something".into()));

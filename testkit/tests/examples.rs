@@ -6,10 +6,10 @@ mod support;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use isograd_compiler::{Checked, Precision, Query};
+use isograd_compiler::{Checked, DerivativeMode, Precision, Query};
 use isograd_graph::Value;
 use isograd_testkit::points::in_box;
-use support::{Graphs, Varying};
+use support::{Graphs, Sweep, Varying};
 
 const EXAMPLES: &[(&str, &[f64])] = &[
     // The arguments that follow the point.
@@ -75,7 +75,7 @@ fn gradient_is_a_difference(name: &str, rest: &[f64], parameter: &str, points: &
     let function = support::export(&checked, "field");
     let kinds = support::inputs(function);
     let queries = [Query::Value, Query::Gradient(parameter.into())];
-    let graphs = Graphs::of(&checked, "field", &queries, Precision::F64).expect("graphs");
+    let graphs = Graphs::of(&checked, "field", &queries, Precision::F64, Sweep::Forward).expect("graphs");
     let position = function.params.iter().position(|p| p.name == parameter).expect("the parameter");
     let first: u32 = function.params[..position].iter().map(|p| p.ty.len()).sum();
     let count = function.params[position].ty.len();
@@ -85,7 +85,15 @@ fn gradient_is_a_difference(name: &str, rest: &[f64], parameter: &str, points: &
     let points: Vec<Vec<f64>> = points.iter().map(|p| p.iter().chain(rest).copied().collect()).collect();
     let arguments: Vec<_> = points.iter().map(|p| values(p)).collect();
     let emitted = graphs.emitted(&arguments);
-    let lanes = support::wasm(&checked, function, &queries, Precision::F64, Varying::First, &arguments);
+    let lanes = support::wasm(
+        &checked,
+        function,
+        &queries,
+        Precision::F64,
+        DerivativeMode::Forward,
+        Varying::First,
+        &arguments,
+    );
     let mut skipped = 0;
     for ((point, row), lane) in points.iter().zip(&emitted).zip(lanes.expect("wasm")) {
         assert!(row.iter().zip(&lane).all(|(a, b)| a.same_bits(*b)), "{name}: {point:?}: {row:?} is not {lane:?}");
@@ -119,7 +127,15 @@ fn expect_rows(checked: &Checked, rows: &[(&str, &[f64], &[f64])]) {
         let function = support::export(checked, export);
         let kinds = support::inputs(function);
         let arguments = kinds.iter().zip(*point).map(|(k, x)| support::value(*k, *x, Precision::F32)).collect();
-        let row = support::wasm(checked, function, &[Query::Value], Precision::F32, Varying::First, &[arguments]);
+        let row = support::wasm(
+            checked,
+            function,
+            &[Query::Value],
+            Precision::F32,
+            DerivativeMode::Auto,
+            Varying::First,
+            &[arguments],
+        );
         let row = row.expect("wasm").remove(0);
         let near = row.iter().zip(*expected).all(|(a, b)| (support::number(*a) - b).abs() < 1e-5);
         assert!(near && row.len() == expected.len(), "{export} at {point:?}: {row:?}, not {expected:?}");

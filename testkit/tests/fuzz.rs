@@ -2,8 +2,9 @@
 //! standard library, the examples), on 2,000 mutations of it and on 2,000 programs grown from seeds.
 
 use std::fs;
-use std::path::Path;
+use std::path::PathBuf;
 
+use isograd_testkit::corpus;
 use isograd_testkit::laws::{self, Judgement};
 use isograd_testkit::points::Random;
 use isograd_testkit::programs::{Choices, program};
@@ -12,40 +13,8 @@ const GENERATED: usize = 2_000;
 
 /// Every program of the tests, the library and the examples.
 fn corpus() -> Vec<String> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let mut programs = Vec::new();
-    let mut folders = ["stdlib", "examples", "testkit/tests"].map(|f| root.join(f)).to_vec();
-    while let Some(folder) = folders.pop() {
-        let mut entries: Vec<_> =
-            fs::read_dir(&folder).expect("a folder").map(|e| e.expect("an entry").path()).collect();
-        entries.sort();
-        for path in entries {
-            match path.extension().and_then(|e| e.to_str()) {
-                None if path.is_dir() => folders.push(path),
-                Some("vola") => programs.push(fs::read_to_string(&path).expect("a program")),
-                Some("cases") => programs.extend(cases(&path)),
-                _ => {}
-            }
-        }
-    }
-    assert!(programs.len() > 300, "only {} programs", programs.len());
-    programs
-}
-
-/// The programs of a file of acceptance tests, each with the items that stand before all of them.
-fn cases(path: &Path) -> Vec<String> {
-    let mut before = String::new();
-    let mut programs: Vec<String> = Vec::new();
-    for line in fs::read_to_string(path).expect("a readable file").lines() {
-        match (line.get(..3), programs.last_mut()) {
-            (Some("//#"), _) => programs.push(before.clone()),
-            (Some("//+"), None) => {
-                before += &fs::read_to_string(path.with_file_name(line[3..].trim())).expect("the items");
-            }
-            (_, Some(program)) => *program += &format!("{line}\n"),
-            (_, None) => before += &format!("{line}\n"),
-        }
-    }
+    let programs: Vec<String> = corpus::all().into_iter().map(|(_, text)| text).collect();
+    assert!(programs.len() > 900, "only {} programs", programs.len());
     programs
 }
 
@@ -120,4 +89,14 @@ fn programs_are_grown_by_their_choices() {
     assert_eq!(grown(1), grown(1));
     assert_ne!(grown(1), grown(2));
     assert_eq!(program(Choices::Bytes(&[])), program(Choices::Bytes(&[0; 64])));
+}
+
+/// Gives the fuzzer its seeds: a file for each program, in the folder that `ISOGRAD_SEEDS` names.
+#[test]
+fn seeds() {
+    let Some(folder) = std::env::var_os("ISOGRAD_SEEDS").map(PathBuf::from) else { return };
+    fs::create_dir_all(&folder).expect("the folder of seeds");
+    for (name, text) in corpus::all() {
+        fs::write(folder.join(name), text).expect("a seed");
+    }
 }

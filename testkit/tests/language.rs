@@ -1,10 +1,9 @@
 //! Runs the files of `tests/language`: programs with the results or diagnostics that LANGUAGE demands, each in both
-//! precisions, through the whole pipeline. Knows nothing of what the programs mean.
+//! precisions and with both sweeps, through the whole pipeline. Knows nothing of what the programs mean.
 //!
-//! A file holds cases. What stands before the first is put in front of each; `//+ FILE` includes a file there.
+//! A file holds cases, as `corpus` divides it; lines of a program may say what is expected of it.
 //!
 //! ```text
-//! //# NAME                     begins a case; its program follows
 //! //@ EXPORT                   the next lines are about this export (at first `f`)
 //! //= 1,2 => 3                 flattened arguments, flattened result; bools are 0 and 1
 //! //= gradient(p): 1,2 => 3    the result of a query
@@ -15,27 +14,20 @@
 
 mod support;
 
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 
-use isograd_compiler::{Checked, Diagnostic, Precision, Query, Unwatched, inspect};
+use isograd_compiler::{Checked, DerivativeMode, Diagnostic, Precision, Query, Unwatched, inspect};
 use isograd_graph::Value;
 use isograd_program::typed::Function;
+use isograd_testkit::corpus;
 use libtest_mimic::{Arguments, Failed, Trial};
-use support::{Graphs, Varying};
+use support::{Graphs, Sweep, Varying};
 
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
-    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/language");
-    let mut files: Vec<PathBuf> = fs::read_dir(&directory)
-        .expect("the folder of cases")
-        .map(|entry| entry.expect("an entry").path())
-        .filter(|path| path.extension().is_some_and(|e| e == "cases"))
-        .collect();
-    files.sort();
-    let cases: Vec<Case> = files.iter().flat_map(|file| parse(file)).collect();
+    let cases: Vec<Case> = corpus::language().iter().map(parse).collect();
+    let pending: Vec<&str> = cases.iter().filter(|c| c.pending.is_some()).map(|c| c.name.as_str()).collect();
     let rows = |c: &Case| c.checks.iter().map(|k| k.rows.len()).sum::<usize>();
     println!(
         "{} programs: {} with {} rows of results, {} with diagnostics, {} not supported yet",
@@ -43,8 +35,9 @@ fn main() -> ExitCode {
         cases.iter().filter(|c| c.pending.is_none() && !c.checks.is_empty()).count(),
         cases.iter().filter(|c| c.pending.is_none()).map(rows).sum::<usize>(),
         cases.iter().filter(|c| !c.codes.is_empty()).count(),
-        cases.iter().filter(|c| c.pending.is_some()).count(),
+        pending.len(),
     );
+    println!("not supported yet: {}", pending.join(", "));
     let trials = cases.into_iter().map(|case| Trial::test(case.name.clone(), move || run(&case))).collect();
     libtest_mimic::run(&arguments, trials).exit_code()
 }
@@ -68,66 +61,50 @@ struct Check {
     rows: Vec<(Vec<f64>, Vec<f64>)>,
 }
 
-fn parse(file: &Path) -> Vec<Case> {
-    let text = fs::read_to_string(file).expect("a readable file");
-    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-    let mut preamble = String::new();
-    let mut cases: Vec<Case> = Vec::new();
+fn parse(case: &corpus::Case) -> Case {
+    let mut parsed = Case {
+        name: case.name.clone(),
+        source: case.program(),
+        checks: Vec::new(),
+        codes: Vec::new(),
+        only: false,
+        pending: None,
+    };
     let mut export = "f";
-    for line in text.lines() {
-        let fail = |what: &str| -> ! { panic!("{}: {what}: {line}", file.display()) };
-        let (directive, rest) = match line.get(..3) {
-            Some(d @ ("//#" | "//+" | "//@" | "//=" | "//!" | "//?")) => (d, line[3..].trim()),
-            _ => ("", line),
-        };
-        let Some(case) = cases.last_mut().filter(|_| directive != "//#") else {
-            match directive {
-                "//#" => {
-                    export = "f";
-                    let (checks, codes) = (Vec::new(), Vec::new());
-                    let name = format!("{stem}: {rest}");
-                    let source = preamble.clone();
-                    cases.push(Case { name, source, checks, codes, only: false, pending: None });
-                }
-                "//+" => {
-                    let included = file.with_file_name(rest);
-                    preamble += &fs::read_to_string(included).unwrap_or_else(|e| fail(&e.to_string()));
-                }
-                "" => preamble = preamble + line + "\n",
-                _ => fail("outside of a case"),
-            }
-            continue;
-        };
+    for line in case.text.lines() {
+        let fail = |what: &str| -> ! { panic!("{}: {what}: {line}", case.name) };
+        let Some((directive, rest)) = line.split_at_checked(3) else { continue };
+        let rest = rest.trim();
         match directive {
             "//@" => export = rest,
             "//!" => {
                 let codes = rest.strip_prefix("only").map(str::trim_start);
-                case.only |= codes.is_some();
-                case.codes.extend(codes.unwrap_or(rest).split_whitespace().map(str::to_owned));
+                parsed.only |= codes.is_some();
+                parsed.codes.extend(codes.unwrap_or(rest).split_whitespace().map(str::to_owned));
             }
-            "//?" => case.pending = rest.split_whitespace().next().map(str::to_owned),
+            "//?" => parsed.pending = rest.split_whitespace().next().map(str::to_owned),
             "//=" => {
                 let (query, row) = rest.split_once(": ").unwrap_or(("value", rest));
                 let query = Query::from_str(query).unwrap_or_else(|e| fail(&e.to_string()));
                 let Some((point, result)) = row.split_once("=>") else { fail("no `=>`") };
                 let row = (numbers(point), numbers(result));
-                match case.checks.last_mut() {
+                match parsed.checks.last_mut() {
                     Some(check) if check.export == export && check.query == query => check.rows.push(row),
-                    _ => case.checks.push(Check { export: export.to_owned(), query, rows: vec![row] }),
+                    _ => parsed.checks.push(Check { export: export.to_owned(), query, rows: vec![row] }),
                 }
             }
             "//+" => fail("inside of a case"),
-            _ => case.source = std::mem::take(&mut case.source) + line + "\n",
+            _ => {}
         }
     }
-    for case in &cases {
-        assert!(case.only || !case.checks.is_empty() || !case.codes.is_empty(), "{} expects nothing", case.name);
-    }
-    cases
+    let expects = parsed.only || !parsed.checks.is_empty() || !parsed.codes.is_empty();
+    assert!(expects, "{} expects nothing", parsed.name);
+    parsed
 }
 
 fn numbers(list: &str) -> Vec<f64> {
-    list.split(',').map(|x| x.trim().parse().unwrap_or_else(|e| panic!("`{x}`: {e}"))).collect()
+    let list = list.split(',').filter(|_| !list.trim().is_empty());
+    list.map(|x| x.trim().parse().unwrap_or_else(|e| panic!("`{x}`: {e}"))).collect()
 }
 
 fn run(case: &Case) -> Result<(), Failed> {
@@ -171,15 +148,29 @@ fn run(case: &Case) -> Result<(), Failed> {
     for check in &case.checks {
         let function = support::export(&checked, &check.export);
         for precision in [Precision::F32, Precision::F64] {
-            verify(&checked, function, check, precision)
-                .map_err(|e| format!("{} of `{}` in {}: {e}", check.query, check.export, precision.name()))?;
+            for (sweep, mode) in SWEEPS {
+                verify(&checked, function, check, precision, (sweep, mode)).map_err(|e| {
+                    let (query, export, precision) = (&check.query, &check.export, precision.name());
+                    format!("{query} of `{export}` in {precision}, {}: {e}", mode.name())
+                })?;
+            }
         }
     }
     Ok(())
 }
 
+/// The ways to compute derivatives.
+const SWEEPS: [(Sweep, DerivativeMode); 2] =
+    [(Sweep::Forward, DerivativeMode::Forward), (Sweep::Reverse, DerivativeMode::Reverse)];
+
 /// All evaluations of one query agree with what is expected, and where they must, with each other to the bit.
-fn verify(checked: &Checked, function: &Function, check: &Check, precision: Precision) -> Result<(), String> {
+fn verify(
+    checked: &Checked,
+    function: &Function,
+    check: &Check,
+    precision: Precision,
+    (sweep, mode): (Sweep, DerivativeMode),
+) -> Result<(), String> {
     let kinds = support::inputs(function);
     let mut points = Vec::new();
     for (point, _) in &check.rows {
@@ -189,16 +180,17 @@ fn verify(checked: &Checked, function: &Function, check: &Check, precision: Prec
         points.push(kinds.iter().zip(point).map(|(k, x)| support::value(*k, *x, precision)).collect::<Vec<_>>());
     }
     let queries = std::slice::from_ref(&check.query);
-    let graphs = Graphs::of(checked, &check.export, queries, precision).map_err(|e| support::listed(&e))?;
+    let graphs = Graphs::of(checked, &check.export, queries, precision, sweep).map_err(|e| support::listed(&e))?;
     let emitted = graphs.emitted(&points);
     expect("reference before kernels", check, &graphs.oracle(&points))?;
     expect("reference of what is emitted", check, &emitted)?;
 
-    let together = support::wasm(checked, function, queries, precision, Varying::All, &points)?;
+    let together = support::wasm(checked, function, queries, precision, mode, Varying::All, &points)?;
     expect("WebAssembly", check, &together)?;
     same_bits("WebAssembly", &together, "the reference", &emitted)?;
     for (i, point) in points.iter().enumerate() {
-        let alone = support::wasm(checked, function, queries, precision, Varying::First, std::slice::from_ref(point))?;
+        let alone =
+            support::wasm(checked, function, queries, precision, mode, Varying::First, std::slice::from_ref(point))?;
         same_bits("a point alone, the other parameters uniform", &alone, "all points", &together[i..=i])?;
     }
     Ok(())

@@ -5,10 +5,10 @@ mod support;
 
 use std::fmt::Write as _;
 
-use isograd_compiler::{Precision, Query};
+use isograd_compiler::{DerivativeMode, Precision, Query};
 use isograd_graph::Value;
 use isograd_testkit::points::Random;
-use support::Varying;
+use support::{Sweep, Varying};
 
 /// Value and gradient by `p` of an export `f(p: vec3) -> real`.
 fn evaluate(source: &str, precision: Precision, points: &[[f64; 3]]) -> Vec<Vec<f64>> {
@@ -16,7 +16,7 @@ fn evaluate(source: &str, precision: Precision, points: &[[f64; 3]]) -> Vec<Vec<
     let function = support::export(&checked, "f");
     let queries = [Query::Value, Query::Gradient("p".into())];
     let points: Vec<Vec<Value>> = points.iter().map(|p| p.map(|x| Value::Real(precision.round(x))).to_vec()).collect();
-    let rows = support::wasm(&checked, function, &queries, precision, Varying::First, &points);
+    let rows = support::wasm(&checked, function, &queries, precision, DerivativeMode::Auto, Varying::First, &points);
     let rows = rows.unwrap_or_else(|e| panic!("{e}"));
     rows.into_iter().map(|row| row.into_iter().map(support::number).collect()).collect()
 }
@@ -237,7 +237,7 @@ fn derivatives_of_a_long_loop_are_no_longer_than_of_a_short_one() {
         );
         let checked = support::check_ok(&source);
         let queries = [Query::Value, Query::Gradient("p".into()), Query::Hessian("p".into())];
-        support::Graphs::of(&checked, "f", &queries, Precision::F32).expect("graphs").scheduled.len()
+        support::Graphs::of(&checked, "f", &queries, Precision::F32, Sweep::Forward).expect("graphs").scheduled.len()
     };
     assert_eq!(graph_size(10), graph_size(10_000));
 }
@@ -266,4 +266,116 @@ fn hostile_sources_are_answered_with_their_limit() {
 fn a_run_time_loop_of_a_thousand_million_iterations_compiles() {
     let source = "export fn f(x: real) -> real { let s = x; for i in 0..1000000000 { s = s * 0.5; } diff(s, x) }";
     assert_eq!(error(source), "none");
+}
+
+#[test]
+fn impls_that_build_each_other() {
+    let source = "
+        concept A: real -> real;
+        concept B: real -> real;
+        operation P();
+        operation Q();
+        impl P<s> for A(x) { csg t = Q(){ s }; eval t.B(x) }
+        impl Q<s> for B(x) { csg t = P(){ s }; eval t.A(x) }
+        entity L();
+        impl L for A(x) { x }
+        export fn f(x: real) -> real { csg t = P(){ L() }; eval t.A(x) }";
+    assert_eq!(error(source), "E0607");
+    // One is evaluated around the other, but it builds only nodes of the other: that is no cycle.
+    let nested = source
+        .replace("csg t = P(){ s }; eval t.A(x)", "1.0 + eval s.B(x)")
+        .replace("for A(x) { x }", "for B(x) { x }");
+    let nested = nested
+        .replace("csg t = P(){ L() }", "csg t = Q(){ Q(){ P(){ L() } } }")
+        .replace("eval t.A(x) }", "eval t.B(x) }");
+    assert_eq!(error(&nested), "none");
+}
+
+#[test]
+fn branches_inside_branches_that_carry_csg() {
+    // A full tree of choices: 512 leaves, of which `p.x` decides.
+    let mut choices: Vec<String> = (0..512).map(|k| format!("Leaf({k}.0)")).collect();
+    let mut width = 1;
+    while choices.len() > 1 {
+        let joined = choices.chunks(2).enumerate().map(|(i, pair)| {
+            let border = (2 * i + 1) * width;
+            format!("if p.x < {border}.0 {{ {} }} else {{ {} }}", pair[0], pair[1])
+        });
+        choices = joined.collect();
+        width *= 2;
+    }
+    let source = format!("{TREE} export fn f(p: vec3) -> real {{ csg t = {}; eval t.D(p) }}", choices[0]);
+    for row in evaluate(&source, Precision::F64, &[[300.5, 2.0, 0.0]]) {
+        assert_near(&row, &[300.5 * 300.0 + 2.0, 300.0, 1.0, 0.0], 1e-12);
+    }
+    // Each choice is between the tree so far and something around it: not 2⁶⁰ trees, but a chain.
+    let mut chain = format!("{TREE} export fn f(p: vec3) -> real {{ csg t = Leaf(1.0);\n");
+    for i in 0..60 {
+        let _ = writeln!(chain, "if p.x > {i}.0 {{ t = Sum(){{ t }}{{ Leaf({i}.0) }}; }}");
+    }
+    chain += "eval t.D(p) }";
+    for row in evaluate(&chain, Precision::F64, &[[10.5, 2.0, 0.0]]) {
+        assert_near(&row, &[10.5 * 56.0 + 2.0 * 12.0, 56.0, 12.0, 0.0], 1e-12);
+    }
+}
+
+#[test]
+fn a_hundred_thousand_statements() {
+    let source = |n: usize| format!("export fn f(x: real) -> real {{\nlet y=x;\n{}y }}", "y=y+x;\n".repeat(n));
+    assert_eq!(error(&source(100_000)), "none");
+    assert_eq!(error(&source(149_000)), "none");
+    assert_eq!(error(&source(150_000)), "E1001");
+}
+
+#[test]
+fn five_thousand_functions() {
+    let calls = |n: usize| -> String {
+        (1..n).map(|i| format!("fn g{i}(x: real) -> real {{ g{}(x) + 1.0 }}\n", i - 1)).collect()
+    };
+    let chain = |n: usize| {
+        format!("fn g0(x: real) -> real {{ x }}\n{}export fn f(x: real) -> real {{ g{}(x) }}", calls(n), n - 1)
+    };
+    assert_eq!(error(&chain(5000)), "E1005");
+    assert_eq!(error(&chain(1000)), "none");
+    let beside: String = (0..5000).map(|i| format!("fn g{i}(x: real) -> real {{ x + {i}.0 }}\n")).collect();
+    let sum: Vec<String> = (0..5000).map(|i| format!("g{i}(x)")).collect();
+    assert_eq!(error(&format!("{beside}export fn f(x: real) -> real {{ {} }}", sum.join(" + "))), "none");
+    let circle: String =
+        (0..5000).map(|i| format!("fn g{i}(x: real) -> real {{ g{}(x) }}\n", (i + 1) % 5000)).collect();
+    assert_eq!(error(&format!("{circle}export fn f(x: real) -> real {{ x }}")), "E0506");
+}
+
+#[test]
+fn texts_of_every_kind() {
+    let codes = |bytes: &[u8]| -> Vec<&str> {
+        let loader = isograd_compiler::MemoryLoader::default();
+        let options = support::options();
+        let checked =
+            isograd_compiler::check("main.vola", bytes.to_vec(), &loader, &options, &isograd_compiler::Unwatched);
+        checked.diagnostics.iter().map(|d| d.code.name()).collect()
+    };
+    let none: [&str; 0] = [];
+    for text in [
+        "",
+        " \t\r\n",
+        "\u{feff}",
+        "// only a comment",
+        "\u{feff}// a mark\r\n/// Doc\r\nexport fn f(x: real) -> real {\r\n  let y = x; // c\r\n  y\r\n}\r\n",
+        "entity Kugel_ß(größe: real); concept 距離: vec3 -> real; impl Kugel_ß for 距離(п) { length(п) - größe }
+         export fn fläche(п: vec3) -> real { csg ё = Kugel_ß(1.0); eval ё.距離(п) }",
+    ] {
+        assert_eq!(codes(text.as_bytes()), none, "{text:?}");
+    }
+    assert_eq!(codes(b"export fn f(x: real) -> real { x } // \xFF"), ["E0101"]);
+    assert_eq!(codes(b"\xFF\xFEe\0x\0"), ["E0101"], "UTF-16");
+    assert_eq!(codes(b"export fn f(x: real) -> real { x \0 }"), ["E0102"]);
+    assert_eq!(codes("export fn f(x: real) -> real { x \u{feff} }".as_bytes()), ["E0102"], "a mark inside");
+    assert_eq!(codes("export fn f(x: real) -> real { x\u{a0}+ x }".as_bytes()), ["E0102"], "a space that is none");
+}
+
+#[test]
+fn a_tuple_that_doubles_is_reported_once() {
+    let source = format!("export fn f(x: real) -> real {{ let t = (x, x); {} x }}", "t = (t, t);".repeat(40));
+    let found = support::check(&source).diagnostics;
+    assert_eq!(found.iter().filter(|d| d.code.name() == "E1010").count(), 1, "{}", support::listed(&found));
 }

@@ -278,8 +278,8 @@ impl<'p> Machine<'p, '_> {
         let mut carried = Vec::with_capacity(inits.len());
         for (slot, init) in inits {
             let Value::Scalars(init) = init else { return Err(self.bug("csg carried by a loop")) };
-            let nodes: Scalars = init.iter().map(|x| self.nodes.builder.carried(*x)).collect();
             let name = self.slot_name(slot)?;
+            let nodes = self.nodes.carried(&init, name);
             self.loop_names.extend(nodes.iter().map(|x| (*x, name)));
             self.set_slot(slot, Value::Scalars(nodes.clone()))?;
             carried.push((slot, nodes));
@@ -307,7 +307,11 @@ impl<'p> Machine<'p, '_> {
         }
         if count > MANY_ITERATIONS {
             let message = format!("csg loop is unrolled {count} times");
-            self.warn(Diagnostic::new(Code::W0602, span, message).note("each iteration adds to the size of the graph"));
+            self.warn(
+                Diagnostic::new(Code::W0602, span, message)
+                    .note("each iteration makes the compiled program larger and slower")
+                    .help("if the copies are regular, move the point into the cell of the nearest one instead"),
+            );
         }
         Ok(())
     }

@@ -92,10 +92,7 @@ impl Nodes<'_> {
             Builtin::Log => self.unary(Op::Log, args),
             Builtin::Log2 => self.unary(Op::Log2, args),
             Builtin::Exp2 => self.unary(Op::Exp2, args),
-            Builtin::InverseSqrt => self.one(args, |n, a| {
-                let (one, root) = (n.real(1.0), n.op(Op::Sqrt, &[a]));
-                n.div(one, root)
-            }),
+            Builtin::InverseSqrt => self.unary(Op::InverseSqrt, args),
             Builtin::Quat => self.quat(args),
             Builtin::Conjugate => self.conjugate(args.first()?),
             Builtin::Rotate => {

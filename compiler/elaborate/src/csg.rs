@@ -80,6 +80,18 @@ impl Forest {
         self.trees.get(tree.0 as usize).map_or(0, |(_, depth)| *depth)
     }
 
+    /// The nodes of a tree's longest path, from its root.
+    pub(crate) fn deepest_path(&self, tree: CsgId) -> impl Iterator<Item = DefinitionId> + '_ {
+        let below = |at: &CsgId| match self.get(*at)? {
+            Csg::Node(node) => node.subs.iter().copied().max_by_key(|s| self.depth(*s)),
+            Csg::Choice { then, otherwise, .. } => [*then, *otherwise].into_iter().max_by_key(|s| self.depth(*s)),
+        };
+        std::iter::successors(Some(tree), below).filter_map(|at| match self.get(at)? {
+            Csg::Node(node) => Some(node.definition),
+            Csg::Choice { .. } => None,
+        })
+    }
+
     /// Adds a node; also says how many nodes are on its longest path.
     pub(crate) fn node(&mut self, node: CsgNode) -> (CsgId, u64) {
         let depth = 1 + node.subs.iter().map(|s| self.depth(*s)).max().unwrap_or(0);

@@ -19,7 +19,9 @@ mod nodes;
 mod operators;
 mod value;
 
-use isograd_graph::{Graph, NodeId, Watch};
+use std::collections::BTreeMap;
+
+use isograd_graph::{Graph, NodeId, Origin, Watch};
 use isograd_program::Program;
 use isograd_program::typed::FunctionId;
 use isograd_syntax::{Diagnostic, Limits, Span};
@@ -34,6 +36,8 @@ pub struct Elaborated {
     pub graph: Graph,
     /// The place in the source of each [`isograd_graph::Origin`] of the graph.
     pub origins: Vec<Span>,
+    /// The names of the variables that loops carry, by the origins of their nodes.
+    pub carried: BTreeMap<Origin, String>,
     /// What is worth telling.
     pub warnings: Vec<Diagnostic>,
     /// Every `diff` that was elaborated: where it is written, and the derivatives it asks for.

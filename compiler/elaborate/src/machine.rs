@@ -68,7 +68,7 @@ pub(crate) struct Machine<'p, 'w> {
     /// Names of the graph's loop variables, for messages.
     pub(crate) loop_names: FxHashMap<NodeId, &'p str>,
     /// Calls, impls, branches and loops that are open.
-    nesting: u64,
+    pub(crate) nesting: u64,
     pub(crate) unrolled: u64,
     steps: u64,
     pub(crate) diagnostics: Vec<Diagnostic>,
@@ -93,8 +93,8 @@ pub(crate) fn run(
     }
     let Machine { nodes, warnings, diffs, .. } = machine;
     match nodes.finish() {
-        Ok((graph, origins)) => Ok(Elaborated { graph, origins, warnings, diffs }),
-        Err(why) => Err(vec![too_large(why, function.span)]),
+        Ok((graph, origins, carried)) => Ok(Elaborated { graph, origins, carried, warnings, diffs }),
+        Err(why) => Err(vec![too_large(why, function.span, limits)]),
     }
 }
 
@@ -211,8 +211,8 @@ impl<'p, 'w> Machine<'p, 'w> {
         self.steps += 1;
         let expired = self.steps.is_multiple_of(4096) && self.watch.expired();
         match self.nodes.builder.exhausted() {
-            Some(why) => Err(self.fail(too_large(why, self.nodes.here()))),
-            None if expired => Err(self.fail(too_large(Exhausted::Time, self.nodes.here()))),
+            Some(why) => Err(self.fail(too_large(why, self.nodes.here(), self.limits))),
+            None if expired => Err(self.fail(too_large(Exhausted::Time, self.nodes.here(), self.limits))),
             None => Ok(()),
         }
     }
@@ -227,6 +227,7 @@ impl<'p, 'w> Machine<'p, 'w> {
         let message = format!("more than {limit} impls, calls, branches and loops inside each other");
         Err(self.fail(
             Diagnostic::new(DiagnosticCode::E1005, self.nodes.here(), message)
+                .note(self.inside_each_other())
                 .help("make the csg tree less deep, or raise the limit `csg_depth`"),
         ))
     }
@@ -438,7 +439,7 @@ impl<'p, 'w> Machine<'p, 'w> {
                 // Tuples of tuples double their size with every line of source, without making a node.
                 if size as u64 > self.limits.graph_nodes {
                     let limit = usize::try_from(self.limits.graph_nodes).unwrap_or(usize::MAX);
-                    return Err(self.fail(too_large(Exhausted::Nodes(limit), *span)));
+                    return Err(self.fail(too_large(Exhausted::Nodes(limit), *span, self.limits)));
                 }
                 self.push_scalars(parts.iter().flat_map(|p| p.iter().copied()).collect());
             }
@@ -583,12 +584,13 @@ impl<'p, 'w> Machine<'p, 'w> {
             let message = format!("csg tree with more than {limit} nodes on a path");
             return Err(self.fail(
                 Diagnostic::new(DiagnosticCode::E1005, span, message)
+                    .note(self.deepest_path(tree))
                     .help("build the tree less deep, or raise the limit `csg_depth`"),
             ));
         }
         if self.forest.len() > self.limits.graph_nodes {
             let limit = usize::try_from(self.limits.graph_nodes).unwrap_or(usize::MAX);
-            return Err(self.fail(too_large(Exhausted::Nodes(limit), span)));
+            return Err(self.fail(too_large(Exhausted::Nodes(limit), span, self.limits)));
         }
         self.push(Value::Csg(tree));
         Ok(())

@@ -1,24 +1,32 @@
 //! How the machine reports: errors with the chain of calls and evals that led to them. Knows the program's names;
 //! knows nothing of what is being computed.
 
+use std::collections::BTreeMap;
+
 use isograd_graph::Exhausted;
 use isograd_program::typed::{ConceptId, DefinitionId};
-use isograd_syntax::{Code, Diagnostic, Span};
+use isograd_syntax::{Code, Diagnostic, Limits, Span};
 
+use crate::csg::CsgId;
 use crate::machine::{Activity, Body, Machine, Stop};
 
 /// How many steps of a chain are shown.
 const SHOWN: usize = 8;
 
 /// E1007 or E1011.
-pub(crate) fn too_large(why: Exhausted, span: Span) -> Diagnostic {
+pub(crate) fn too_large(why: Exhausted, span: Span, limits: &Limits) -> Diagnostic {
     match why {
         Exhausted::Nodes(limit) => {
-            Diagnostic::new(Code::E1007, span, format!("the graph has more than {limit} operations"))
+            Diagnostic::new(Code::E1007, span, format!("this export needs more than {limit} operations"))
+                .note("all trees and calls are written out in place")
                 .help("make the program smaller, or raise the limit `graph_nodes`")
         }
-        Exhausted::Time => Diagnostic::new(Code::E1011, span, "the compilation took too long")
-            .help("make the program smaller, or raise the limit `compile_time_ms`"),
+        Exhausted::Time => {
+            let limit = limits.compile_time_ms;
+            Diagnostic::new(Code::E1011, span, format!("compiling took longer than {limit} ms"))
+                .here("reached here")
+                .help("make the program smaller, or raise the limit `compile_time_ms`")
+        }
     }
 }
 
@@ -56,8 +64,9 @@ impl Machine<'_, '_> {
     pub(crate) fn bug(&mut self, what: &str) -> Stop {
         let message = format!("internal error: {what}");
         self.fail(
-            Diagnostic::new(Code::E1102, self.nodes.here(), message)
-                .note("the checked program is malformed; this is a mistake in the compiler, please report it"),
+            Diagnostic::new(Code::E1103, self.nodes.here(), message)
+                .note("the checked program is malformed")
+                .help("this is a bug of Isograd: please report it with the program"),
         )
     }
 
@@ -103,6 +112,46 @@ impl Machine<'_, '_> {
             diagnostic = diagnostic.note(format!("{more} more calls and evals led here"));
         }
         diagnostic
+    }
+
+    /// What is open: how many of each kind, and the most frequent impl.
+    pub(crate) fn inside_each_other(&self) -> String {
+        let (mut calls, mut impls, mut all) = (0_u64, BTreeMap::new(), 0);
+        for activity in &self.activities {
+            let Activity::Frame(frame) = activity else { continue };
+            match frame.body {
+                Body::Function(id) if frame.site == self.site_of(id) => {}
+                Body::Function(_) => calls += 1,
+                Body::Impl(id) => {
+                    all += 1;
+                    *impls.entry(id).or_insert(0_u64) += 1;
+                }
+            }
+        }
+        let others = self.nesting.saturating_sub(calls + all);
+        let most = impls.iter().max_by_key(|(id, n)| (**n, std::cmp::Reverse(**id)));
+        let most = most.and_then(|(id, n)| Some((self.program.impls.get(id.0 as usize)?, *n)));
+        let parts = [(all, "impl"), (calls, "call"), (others, "branch or loop")].into_iter().filter(|(n, _)| *n > 0);
+        let counted = |(n, what)| match (n, what) {
+            (1, what) => format!("1 {what}"),
+            (n, "branch or loop") => format!("{n} branches and loops"),
+            (n, what) => format!("{n} {what}s"),
+        };
+        let parts: Vec<String> = parts.map(counted).collect();
+        let counts = format!("inside each other are {}", parts.join(", "));
+        match most {
+            Some((found, n)) if n > 1 => {
+                let (node, concept) = (self.definition(found.definition), self.concept(found.concept));
+                format!("{counts}; {n} of them are the impl of `{node}` for `{concept}`")
+            }
+            _ => counts,
+        }
+    }
+
+    /// The nodes of a tree's longest path, from its root.
+    pub(crate) fn deepest_path(&self, tree: CsgId) -> String {
+        let names: Vec<&str> = self.forest.deepest_path(tree).map(|id| self.definition(id)).collect();
+        format!("the path is {}", Self::path(&names))
     }
 
     /// Where a function begins; the export itself is entered from there.

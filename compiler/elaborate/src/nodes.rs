@@ -1,6 +1,8 @@
 //! The raw graph under construction, and which of its nodes are constants (LANGUAGE 17.3). Knows nothing of the
 //! program that the nodes come from, except their places.
 
+use std::collections::BTreeMap;
+
 use isograd_graph::{Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Origin, Precision, Scalar, Value, Watch, ops};
 use isograd_program::{ScalarKind, Type};
 use isograd_syntax::Span;
@@ -15,10 +17,15 @@ pub(crate) struct Nodes<'w> {
     constants: Vec<Option<Value>>,
     spans: Vec<Span>,
     origins: FxHashMap<Span, Origin>,
+    /// Names of variables that loops carry, by the origins of their nodes.
+    carried: BTreeMap<Origin, String>,
     here: Span,
     /// How often something was made that equals nothing else: see [`Nodes::novelties`].
     novelties: u64,
 }
+
+/// A graph, the span of each origin, and the names of carried variables by theirs.
+pub(crate) type Finished = (Graph, Vec<Span>, BTreeMap<Origin, String>);
 
 impl<'w> Nodes<'w> {
     /// No nodes yet; what comes first comes from `span`.
@@ -29,6 +36,7 @@ impl<'w> Nodes<'w> {
             constants: Vec::new(),
             spans: vec![span],
             origins: FxHashMap::from_iter([(span, Origin(0))]),
+            carried: BTreeMap::new(),
             here: span,
             novelties: 0,
         }
@@ -53,10 +61,21 @@ impl<'w> Nodes<'w> {
         self.here
     }
 
-    /// The finished graph, and the span of each origin.
-    pub(crate) fn finish(self) -> Result<(Graph, Vec<Span>), Exhausted> {
-        let spans = self.spans;
-        self.builder.finish().map(|graph| (graph, spans))
+    /// A variable that the loop being begun carries: an origin of its own tells it from others.
+    pub(crate) fn carried(&mut self, init: &Scalars, name: &str) -> Scalars {
+        let own = Origin(u32::try_from(self.spans.len()).unwrap_or(0));
+        self.spans.push(self.here);
+        self.carried.insert(own, name.to_owned());
+        self.builder.set_origin(own);
+        let nodes = init.iter().map(|x| self.builder.carried(*x)).collect();
+        self.builder.set_origin(self.origins.get(&self.here).copied().unwrap_or_default());
+        nodes
+    }
+
+    /// The finished graph.
+    pub(crate) fn finish(self) -> Result<Finished, Exhausted> {
+        let (spans, carried) = (self.spans, self.carried);
+        self.builder.finish().map(|graph| (graph, spans, carried))
     }
 
     /// Counts fresh values, regions and scopes. If a computation makes none, then repeating it in the same scope

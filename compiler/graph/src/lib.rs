@@ -44,7 +44,7 @@ pub use graph::{Args, Graph, Input, Node, NodeId, Origin, Output};
 pub use numbers::{Precision, Scalar, Value};
 pub use ops::{Op, OpDef};
 pub use reference::{Evaluator, evaluate};
-pub use text::print;
+pub use text::{ParseError, parse, print};
 pub use verify::{Verified, VerifyError, verify};
 
 /// Watches a compilation for its caller. The compiler has no clock of its own.

@@ -1,13 +1,19 @@
-//! The text form of a graph: one node a line, regions indented.
+//! The text form of a graph, written and read: one node a line, regions indented. Knows how nodes are spelled; whether
+//! a graph is well formed is the verifier's business.
 
+use std::fmt;
 use std::fmt::Write as _;
+use std::str::FromStr;
 
-use crate::{Graph, Node, NodeId};
+use crate::{Args, Graph, Input, Node, NodeId, Op, Origin, Output, Precision, Scalar};
 
 /// The text form.
 #[must_use]
 pub fn print(graph: &Graph) -> String {
     let mut out = String::new();
+    if let Some(precision) = graph.precision {
+        let _ = writeln!(out, "precision {}", precision.name());
+    }
     let mut depth = 0_usize;
     for (id, node) in graph.iter() {
         if matches!(node, Node::Else { .. } | Node::End { .. }) {
@@ -52,4 +58,150 @@ fn line(graph: &Graph, id: NodeId, node: Node) -> String {
         Node::Join { end, then, otherwise } => format!("%{n} = join %{} %{} %{}", end.0, then.0, otherwise.0),
         Node::Final { end, carried, next } => format!("%{n} = final %{} %{} %{}", end.0, carried.0, next.0),
     }
+}
+
+/// A line that is no part of a graph's text form.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParseError {
+    /// The line, from 1.
+    pub line: usize,
+    /// What is wrong with it.
+    pub what: String,
+}
+
+impl fmt::Display for ParseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}: {}", self.line, self.what)
+    }
+}
+
+impl std::error::Error for ParseError {}
+
+/// Reads what [`print`] writes; indentation means nothing. Origins are not part of the text. The graph is as well
+/// formed as the text: [`crate::verify`] it before use.
+///
+/// # Errors
+/// If a line is no node, or nodes are not numbered in order.
+pub fn parse(text: &str) -> Result<Graph, ParseError> {
+    let mut reader = Reader { graph: Graph::default(), open: Vec::new() };
+    for (index, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if !line.is_empty() {
+            reader.line(line).map_err(|what| ParseError { line: index + 1, what })?;
+        }
+    }
+    Ok(reader.graph)
+}
+
+struct Reader {
+    graph: Graph,
+    /// The gammas and thetas that are not closed.
+    open: Vec<NodeId>,
+}
+
+impl Reader {
+    fn line(&mut self, line: &str) -> Result<(), String> {
+        let (word, rest) = line.split_once(' ').ok_or("a line has a word and what belongs to it")?;
+        match word {
+            "precision" => {
+                let all = [Precision::F32, Precision::F64];
+                let found = all.into_iter().find(|p| p.name() == rest);
+                self.graph.precision = Some(found.ok_or_else(|| format!("there is no precision `{rest}`"))?);
+            }
+            "output" => {
+                let (name, node) = rest.rsplit_once(' ').ok_or("an output has a name and a node")?;
+                self.graph.outputs.push(Output { name: name.to_owned(), node: id(node)? });
+            }
+            _ => {
+                let here = NodeId(u32::try_from(self.graph.len()).unwrap_or(u32::MAX));
+                if id(word)? != here {
+                    return Err(format!("the next node is %{}, not {word}", here.0));
+                }
+                self.node(here, rest.strip_prefix("= ").ok_or("a node's number is followed by `=`")?)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn node(&mut self, here: NodeId, text: &str) -> Result<(), String> {
+        let (word, rest) = text.split_once(' ').unwrap_or((text, ""));
+        let operands: Vec<&str> = rest.split_whitespace().collect();
+        let ids = || operands.iter().map(|x| id(x)).collect::<Result<Vec<_>, _>>();
+        let wrong = || format!("`{word}` has other operands than `{rest}`");
+        let scalar = |of: NodeId| self.graph.scalar(of);
+        let (node, scalar) = match word {
+            "input" => {
+                let (name, kind) = rest.rsplit_once(": ").ok_or("an input has a name and a kind")?;
+                let kinds = [Scalar::Real, Scalar::Int, Scalar::Bool];
+                let scalar = kinds.into_iter().find(|s| s.to_string() == kind);
+                let scalar = scalar.ok_or_else(|| format!("there is no kind `{kind}`"))?;
+                let index = u32::try_from(self.graph.inputs.len()).unwrap_or(u32::MAX);
+                self.graph.inputs.push(Input { name: name.to_owned(), scalar });
+                (Node::Input(index), scalar)
+            }
+            "real" => (Node::real(number(rest)?), Scalar::Real),
+            "int" => (Node::Int(number(rest)?), Scalar::Int),
+            "bool" => (Node::Bool(number(rest)?), Scalar::Bool),
+            "else" => {
+                let gamma = self.open.last().copied().ok_or("there is no branch to continue")?;
+                let Some(Node::Gamma { otherwise, .. }) = self.graph.nodes.get_mut(gamma.index()) else {
+                    return Err("there is no branch to continue".to_owned());
+                };
+                *otherwise = here;
+                (Node::Else { gamma }, Scalar::Bool)
+            }
+            "end" => {
+                let begin = self.open.pop().ok_or("there is nothing to end")?;
+                if let Some(Node::Gamma { end, .. } | Node::Theta { end, .. }) = self.graph.nodes.get_mut(begin.index())
+                {
+                    *end = here;
+                }
+                (Node::End { begin }, Scalar::Bool)
+            }
+            _ => match (word, ids()?.as_slice()) {
+                ("fresh", [x]) => (Node::Fresh(*x), scalar(*x)),
+                ("diff", [value, wrt]) => (Node::Diff { value: *value, wrt: *wrt }, Scalar::Real),
+                ("gamma", [cond]) => {
+                    self.open.push(here);
+                    (Node::Gamma { cond: *cond, otherwise: NodeId::NONE, end: NodeId::NONE }, Scalar::Bool)
+                }
+                ("theta", [lo, hi]) => {
+                    self.open.push(here);
+                    (Node::Theta { lo: *lo, hi: *hi, end: NodeId::NONE }, Scalar::Int)
+                }
+                ("counter", [theta]) => (Node::Counter { theta: *theta }, Scalar::Int),
+                ("carried", [theta, init]) => (Node::Carried { theta: *theta, init: *init }, scalar(*init)),
+                ("join", [end, then, otherwise]) => {
+                    (Node::Join { end: *end, then: *then, otherwise: *otherwise }, scalar(*then))
+                }
+                ("final", [end, carried, next]) => {
+                    (Node::Final { end: *end, carried: *carried, next: *next }, scalar(*carried))
+                }
+                ("fresh" | "diff" | "gamma" | "theta" | "counter" | "carried" | "join" | "final", _) => {
+                    return Err(wrong());
+                }
+                (name, args) => {
+                    let op = Op::ALL.iter().find(|op| op.def().name == name);
+                    let op = *op.ok_or_else(|| format!("there is no operation `{name}`"))?;
+                    if args.len() != op.def().operands.len() {
+                        return Err(wrong());
+                    }
+                    (Node::Apply(op, Args::new(args)), op.def().result)
+                }
+            },
+        };
+        self.graph.nodes.push(node);
+        self.graph.scalars.push(scalar);
+        self.graph.origins.push(Origin::default());
+        Ok(())
+    }
+}
+
+fn id(text: &str) -> Result<NodeId, String> {
+    let digits = text.strip_prefix('%').ok_or_else(|| format!("`{text}` is no node: nodes are %0, %1, …"))?;
+    number(digits).map(NodeId)
+}
+
+fn number<T: FromStr>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|_| format!("`{text}` is not what stands here"))
 }

@@ -8,6 +8,8 @@ use isograd_syntax::{
     tree::{Ident, ItemKind, Tree},
 };
 
+use crate::suggest::similar;
+
 /// Where a file is, without file system: `library` is the root, or the directory of the entry file if there is none;
 /// from there `ups` directories up, then down along `path`, whose last element is the file without `.vola`.
 /// `module self::super::a::b;` in the entry file is `ups` 1 and `path` `["a", "b"]`. Two equal paths are one file.
@@ -225,14 +227,14 @@ impl State<'_> {
             }
             Err(tried) => {
                 self.known.insert(at.clone(), None);
-                let diagnostic = self.not_found(at, path, span).note(tried);
+                let diagnostic = self.not_found(at, path, span, tried);
                 self.loaded.diagnostics.push(diagnostic);
                 None
             }
         }
     }
 
-    fn not_found(&self, at: &ModulePath, path: &[Ident], span: Span) -> Diagnostic {
+    fn not_found(&self, at: &ModulePath, path: &[Ident], span: Span, tried: String) -> Diagnostic {
         let first = path.first().map_or("", |e| e.text.as_str());
         let registered = match self.libraries.as_slice() {
             [] => "no library is registered".to_owned(),
@@ -241,18 +243,30 @@ impl State<'_> {
         let shown = self.display(at);
         if first != "self" && first != "super" && path.len() > 1 && !self.libraries.iter().any(|l| l == first) {
             let place = path.first().map_or(span, |e| e.span);
+            let near = similar(first, self.libraries.iter().map(String::as_str));
+            let help = match near.first() {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => "register the library, or write `self::` in front for a file of your own".to_owned(),
+            };
             return Diagnostic::new(Code::E0306, place, format!("there is no library `{first}`"))
                 .note(format!("without a library of that name the path means `{shown}`, which was not found either"))
                 .note(registered)
-                .help("register the library, or write `self::` in front for a file of your own");
+                .help(help);
         }
-        let diagnostic = Diagnostic::new(Code::E0307, span, format!("module file `{shown}` not found"));
+        let place = path.first().zip(path.last()).map_or(span, |(first, last)| first.span.to(last.span));
+        let diagnostic = Diagnostic::new(Code::E0307, place, format!("module file `{shown}` not found"))
+            .here("imported here")
+            .note(tried);
         if path.len() == 1 && self.libraries.iter().any(|l| l == first) {
             return diagnostic
                 .note(registered)
                 .help(format!("a library is imported file by file: `module {first}::prelude;`"));
         }
-        diagnostic.note(registered)
+        let help = match at.library {
+            Some(_) => "check the spelling: the library has no such file",
+            None => "check the spelling, or add the file; `self` is the directory of the importing file",
+        };
+        diagnostic.note(registered).help(help)
     }
 
     /// Adds a file that has been read; `None` if its text cannot be used.
@@ -262,13 +276,19 @@ impl State<'_> {
         self.bytes = self.bytes.saturating_add(size);
         let spent = self.bytes > self.limits.total_source_bytes;
         if oversized || spent {
-            let file = self.loaded.files.add(name.clone(), "");
-            let span = importer.unwrap_or(Span::new(file, 0, 0));
+            self.loaded.files.add(name.clone(), "");
             self.known.insert(at, None);
             self.loaded.diagnostics.push(if oversized {
-                too_large(Code::E1001, span, &name, size, "source_bytes", self.limits.source_bytes)
+                too_large(Code::E1001, importer, &name, size, "source_bytes", self.limits.source_bytes)
             } else {
-                too_large(Code::E1002, span, &name, self.bytes, "total_source_bytes", self.limits.total_source_bytes)
+                too_large(
+                    Code::E1002,
+                    importer,
+                    &name,
+                    self.bytes,
+                    "total_source_bytes",
+                    self.limits.total_source_bytes,
+                )
             });
             return None;
         }
@@ -314,7 +334,6 @@ impl State<'_> {
         let limit = self.limits.modules;
         self.loaded.diagnostics.push(
             Diagnostic::new(Code::E1003, span, format!("the program has more than {limit} files"))
-                .note(format!("the limit `modules` is {limit}"))
                 .help("put several items into one file, or raise the limit `modules`"),
         );
     }
@@ -341,12 +360,15 @@ impl State<'_> {
     }
 }
 
-fn too_large(code: Code, span: Span, name: &str, size: u64, limit: &str, value: u64) -> Diagnostic {
+/// At the import; the entry file has none, and its text is not kept.
+fn too_large(code: Code, importer: Option<Span>, name: &str, size: u64, limit: &str, value: u64) -> Diagnostic {
     let message = match code {
-        Code::E1001 => format!("`{name}` has {size} bytes"),
-        _ => format!("with `{name}` the sources have {size} bytes"),
+        Code::E1001 => format!("`{name}` has {size} bytes, more than the {value} allowed"),
+        _ => format!("with `{name}` the sources have {size} bytes, more than the {value} allowed"),
     };
-    Diagnostic::new(code, span, message)
-        .note(format!("the limit `{limit}` is {value} bytes"))
-        .help(format!("make the program smaller, or raise the limit `{limit}`"))
+    let diagnostic = match importer {
+        Some(span) => Diagnostic::new(code, span, message).here("imported here"),
+        None => Diagnostic::global(code, message),
+    };
+    diagnostic.help(format!("make the program smaller, or raise the limit `{limit}`"))
 }

@@ -67,15 +67,32 @@ pub(crate) struct Names<'a> {
 pub(crate) enum Lookup<T> {
     Found(T),
     /// Several libraries declare it.
-    Ambiguous(Vec<String>),
+    Ambiguous(Vec<Rival>),
     Missing,
 }
 
-/// A concept of the program, with those of the same name in its libraries, by name space.
+/// One of several libraries that declare a name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Rival {
+    pub library: String,
+    /// Where.
+    pub declared: Option<Span>,
+}
+
+/// A concept of the program, with those of the same name in libraries.
 pub(crate) struct Repeated<'a> {
     pub name: &'a str,
     pub own: ConceptId,
-    pub others: Vec<(usize, ConceptId)>,
+    pub others: Vec<Other>,
+}
+
+/// A concept of a library.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Other {
+    pub space: usize,
+    pub id: ConceptId,
+    /// Whether the program imports the library, not only another library.
+    pub in_reach: bool,
 }
 
 /// What a call calls (LANGUAGE 6.3).
@@ -239,42 +256,53 @@ impl<'a> Names<'a> {
         }
     }
 
-    /// The own declaration, else those of imported libraries, each with its library.
+    /// The own declaration, else those of imported libraries, each with its library. `kinds` is what `get` looks
+    /// for, in its order.
     fn reach<T: Copy + PartialEq>(
         &self,
         space: usize,
+        name: &str,
+        kinds: &[Kind],
         get: impl Fn(&Space<'a>) -> Option<T>,
-    ) -> (Option<T>, Vec<(T, String)>) {
+    ) -> (Option<T>, Vec<(T, Rival)>) {
         let Some(own) = self.spaces.get(space) else { return (None, Vec::new()) };
-        let mut others: Vec<(T, String)> = Vec::new();
+        let mut others: Vec<(T, Rival)> = Vec::new();
         for s in own.imports.iter().filter_map(|i| self.spaces.get(*i)) {
             if let Some(id) = get(s)
                 && !others.iter().any(|(o, _)| *o == id)
             {
-                others.push((id, s.library.unwrap_or("the program").to_owned()));
+                let library = s.library.unwrap_or("the program").to_owned();
+                let declared = kinds.iter().find_map(|kind| s.declared.get(&(name, *kind)).copied());
+                others.push((id, Rival { library, declared }));
             }
         }
         (get(own), others)
     }
 
-    fn lookup<T: Copy + PartialEq>(&self, space: usize, get: impl Fn(&Space<'a>) -> Option<T>) -> Lookup<T> {
-        let (own, others) = self.reach(space, get);
+    fn lookup<T: Copy + PartialEq>(
+        &self,
+        space: usize,
+        name: &str,
+        kind: Kind,
+        get: impl Fn(&Space<'a>) -> Option<T>,
+    ) -> Lookup<T> {
+        let (own, others) = self.reach(space, name, &[kind], get);
         match (own, others.as_slice()) {
             (Some(id), _) => Lookup::Found(id),
             (None, []) => Lookup::Missing,
             (None, [(id, _)]) => Lookup::Found(*id),
-            (None, _) => Lookup::Ambiguous(others.into_iter().map(|(_, l)| l).collect()),
+            (None, _) => Lookup::Ambiguous(others.into_iter().map(|(_, rival)| rival).collect()),
         }
     }
 
     /// The concept that a name means.
     pub fn concept(&self, space: usize, name: &str) -> Lookup<ConceptId> {
-        self.lookup(space, |s| s.concepts.get(name).copied())
+        self.lookup(space, name, Kind::Concept, |s| s.concepts.get(name).copied())
     }
 
     /// The entity or operation that a name means.
     pub fn definition(&self, space: usize, name: &str) -> Lookup<DefinitionId> {
-        self.lookup(space, |s| s.definitions.get(name).copied())
+        self.lookup(space, name, Kind::Definition, |s| s.definitions.get(name).copied())
     }
 
     /// What a call of this name calls: an entity or operation, else a core built-in, else a function, else a built-in
@@ -284,7 +312,7 @@ impl<'a> Names<'a> {
             let definition = s.definitions.get(name).map(|d| Callee::Definition(*d));
             definition.or_else(|| s.functions.get(name).map(|f| Callee::Function(*f)))
         };
-        let (own, others) = self.reach(space, get);
+        let (own, others) = self.reach(space, name, &[Kind::Definition, Kind::Function], get);
         let is_definition = |c: &Callee| matches!(c, Callee::Definition(_));
         let definition = match own {
             Some(own) => is_definition(&own),
@@ -300,7 +328,7 @@ impl<'a> Names<'a> {
                 Some(builtin) => Lookup::Found(builtin),
                 None => Lookup::Missing,
             },
-            (None, _) => Lookup::Ambiguous(others.into_iter().map(|(_, l)| l).collect()),
+            (None, _) => Lookup::Ambiguous(others.into_iter().map(|(_, rival)| rival).collect()),
         }
     }
 
@@ -309,13 +337,13 @@ impl<'a> Names<'a> {
         self.in_reach(space).flat_map(|s| s.declared.keys().filter(|(_, k)| *k == kind).map(|(n, _)| *n)).collect()
     }
 
-    /// The concepts of the program together with those of the same name in its libraries.
+    /// The concepts of the program together with those of the same name in all libraries.
     pub fn repeated_concepts(&self) -> Vec<Repeated<'a>> {
         let Some(program) = self.spaces.first() else { return Vec::new() };
         let others = |name: &str| {
-            let found = program.imports.iter().filter_map(|i| {
-                let id = self.spaces.get(*i).and_then(|s| s.concepts.get(name))?;
-                Some((*i, *id))
+            let found = self.spaces.iter().enumerate().skip(1).filter_map(|(space, s)| {
+                let id = *s.concepts.get(name)?;
+                Some(Other { space, id, in_reach: program.imports.contains(&space) })
             });
             found.collect::<Vec<_>>()
         };

@@ -7,8 +7,9 @@ use crate::lexer::{Lexer, TokenKind};
 use crate::tree::{ExprKind, ItemKind, Tree};
 
 /// Formats a file that was parsed without errors into `tree`: one space around operators and after commas, four
-/// spaces of indentation for each line that leaves brackets open, at most one empty line in a row, a line for each
-/// item, LF, no byte order mark. The result parses to the same tree, and formatting it again changes nothing.
+/// spaces of indentation for each line that leaves brackets open, parameters below the first one if that stands beside
+/// the parenthesis, at most one empty line in a row, a line for each item, LF, no byte order mark. The result parses
+/// to the same tree, and formatting it again changes nothing.
 #[must_use]
 pub fn format(text: &str, tree: &Tree) -> String {
     let marks = Marks::of(text, tree);
@@ -34,6 +35,8 @@ struct Marks {
     scoped: FxHashSet<usize>,
     /// `..` between the ends of an interval or of a range.
     spaced: FxHashSet<usize>,
+    /// `(` of the parameters of items.
+    params: FxHashSet<usize>,
 }
 
 impl Marks {
@@ -70,7 +73,10 @@ impl Marks {
                         marks.angles.extend(after(last.span.end, '>'));
                     }
                 }
-                ItemKind::Definition { params, .. } | ItemKind::Function { params, .. } => {
+                ItemKind::Definition { name, params, .. } | ItemKind::Function { name, params, .. } => {
+                    if !params.is_empty() {
+                        marks.params.extend(after(name.span.end, '('));
+                    }
                     for (lo, _) in params.iter().filter_map(|p| p.range) {
                         marks.range(text, tree, lo);
                     }
@@ -149,9 +155,18 @@ fn pieces<'a>(text: &'a str, marks: &Marks) -> Vec<Piece<'a>> {
 
 struct Writer {
     out: String,
-    /// The open brackets, each with the line it was opened on.
-    open: Vec<(TokenKind, usize)>,
+    /// The open brackets.
+    open: Vec<Open>,
     line: usize,
+}
+
+/// An open bracket.
+struct Open {
+    kind: TokenKind,
+    /// The line it was opened on.
+    line: usize,
+    /// Where lines inside it begin, if not at a multiple of four.
+    column: Option<usize>,
 }
 
 impl Writer {
@@ -160,8 +175,15 @@ impl Writer {
         if let Some(before) = before {
             let breaks = self.breaks(before, piece);
             if breaks == 0 {
-                if spaced(before, piece, self.open.last().map(|(k, _)| *k), marks) || joins(before, piece) {
+                if spaced(before, piece, self.open.last().map(|o| o.kind), marks) || joins(before, piece) {
                     self.out.push(' ');
+                }
+                if piece.kind.is_some()
+                    && before.kind == Some(TokenKind::LParen)
+                    && marks.params.contains(&before.start)
+                {
+                    let column = self.out.chars().rev().take_while(|c| *c != '\n').count();
+                    self.open.iter_mut().rev().take(1).for_each(|o| o.column = Some(column));
                 }
             } else {
                 for _ in 0..breaks {
@@ -176,7 +198,7 @@ impl Writer {
                 self.open.pop();
             }
             Some(kind @ (TokenKind::LParen | TokenKind::LBracket | TokenKind::LBrace)) => {
-                self.open.push((kind, self.line));
+                self.open.push(Open { kind, line: self.line, column: None });
             }
             _ => {}
         }
@@ -205,12 +227,16 @@ impl Writer {
         }
     }
 
-    /// Four spaces for each line that has left brackets open, and for a statement that goes on.
+    /// Four spaces for each line that has left brackets open, and for a statement that goes on; parameters stand below
+    /// the first one.
     fn indent(&mut self, before: &Piece<'_>, piece: &Piece<'_>, closes: bool) {
         let open = self.open.get(..self.open.len() - usize::from(closes && !self.open.is_empty())).unwrap_or(&[]);
-        let mut lines: Vec<usize> = open.iter().map(|(_, line)| *line).collect();
+        let hanging = open.iter().rposition(|o| o.column.is_some());
+        let column = hanging.and_then(|at| open.get(at)?.column).unwrap_or(0);
+        let inside = open.get(hanging.map_or(0, |at| at + 1)..).unwrap_or(&[]);
+        let mut lines: Vec<usize> = inside.iter().map(|o| o.line).collect();
         lines.dedup();
-        let in_block = self.open.last().is_none_or(|(kind, _)| *kind == TokenKind::LBrace);
+        let in_block = self.open.last().is_none_or(|o| o.kind == TokenKind::LBrace);
         let goes_on = in_block
             && !closes
             && piece.kind.is_some()
@@ -220,9 +246,8 @@ impl Writer {
                 let attribute = kind == TokenKind::RBracket && self.open.is_empty();
                 !ends && !attribute
             });
-        for _ in 0..lines.len() + usize::from(goes_on) {
-            self.out.push_str("    ");
-        }
+        let steps = lines.len() + usize::from(goes_on);
+        self.out.extend(std::iter::repeat_n(' ', column + 4 * steps));
     }
 }
 

@@ -4,7 +4,7 @@
 use crate::Code;
 
 macro_rules! limits {
-    ($( $(#[doc = $doc:literal])+ $field:ident : $default:literal, $code:ident; )+) => {
+    ($( $(#[doc = $doc:literal])+ $field:ident : $default:literal $(of $most:literal)?, $code:ident; )+) => {
         /// The limits of one compilation.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub struct Limits { $( $(#[doc = $doc])+ pub $field: u64, )+ }
@@ -17,9 +17,18 @@ macro_rules! limits {
             /// Every limit: its name, default, diagnostic and meaning.
             pub const ALL: &'static [Limit] = &[
                 $( Limit { name: stringify!($field), default: $default, code: Code::$code, about: concat!($($doc),+),
-                           get: |l| l.$field, set: |l, v| l.$field = v }, )+
+                           most: most!($($most)?), get: |l| l.$field, set: |l, v| l.$field = v }, )+
             ];
         }
+    };
+}
+
+macro_rules! most {
+    () => {
+        u64::MAX
+    };
+    ($most:literal) => {
+        $most
     };
 }
 
@@ -34,6 +43,8 @@ pub struct Limit {
     pub code: Code,
     /// What it counts.
     pub about: &'static str,
+    /// The greatest value that it may be given.
+    pub most: u64,
     /// Reads it.
     pub get: fn(&Limits) -> u64,
     /// Changes it.
@@ -47,8 +58,8 @@ limits! {
     total_source_bytes: 8_388_608, E1002;
     /// Files.
     modules: 256, E1003;
-    /// Brackets, blocks and prefix operators inside each other.
-    nesting: 256, E1004;
+    /// Brackets, blocks and prefix operators inside each other; at most 512.
+    nesting: 256 of 512, E1004;
     /// Nodes on a path of a csg tree; impls, calls, branches and loops inside each other after inlining.
     csg_depth: 1000, E1005;
     /// Iterations of csg loops, per export.
@@ -65,4 +76,26 @@ limits! {
     compile_time_ms: 10_000, E1011;
     /// Diagnostics reported in full.
     diagnostics: 100, E1012;
+}
+
+impl Limits {
+    /// The greatest value of the limit with this name. For `nesting` it is what the 2 MiB of stack allow that a thread
+    /// has by default, as the parser recurses with brackets.
+    #[must_use]
+    pub fn most(name: &str) -> u64 {
+        Self::ALL.iter().find(|l| l.name == name).map_or(u64::MAX, |l| l.most)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Limits;
+
+    #[test]
+    fn a_greatest_value_is_told() {
+        assert_eq!(Limits::most("nesting"), 512);
+        for limit in Limits::ALL.iter().filter(|l| l.most < u64::MAX) {
+            assert!(limit.default <= limit.most && limit.about.contains(&format!("at most {}", limit.most)));
+        }
+    }
 }

@@ -105,7 +105,7 @@ fn independent_errors_are_all_reported_and_only_these() {
             (Code::E0201, "}"),
             (Code::E0201, ";"),
             (Code::E0103, "3x"),
-            (Code::E0201, "c"),
+            (Code::E0201, ""),
             (Code::E0202, ";"),
             (Code::E0201, "{"),
             (Code::E0201, "d"),
@@ -353,4 +353,30 @@ fn enormous_lines_and_places_are_cut() {
     for word in ["here", "start", "all", "end"] {
         assert!(shown.contains(word), "{shown}");
     }
+}
+
+#[test]
+fn a_semicolon_forgotten_at_the_end_of_a_line_is_missed_there() {
+    for (text, wanted) in [
+        ("fn f() -> real {\n    let a = 1.0\n    a\n}", "let a = 1.0"),
+        ("fn f() -> real {\n    let a = g(1.0 // one\n      2.0);\n    a\n}", "let a = g(1.0"),
+    ] {
+        let parsed = parse(FileId(0), text, &Limits::default());
+        let [d] = parsed.diagnostics.as_slice() else { panic!("{text}: {:?}", parsed.diagnostics) };
+        let [missing, found] = d.labels.as_slice() else { panic!("{:?}", d.labels) };
+        let end = text.find(wanted).unwrap() + wanted.len();
+        assert_eq!((missing.span.start as usize, missing.span.end as usize), (end, end), "{text}");
+        assert!(found.span.start as usize > end && found.text.starts_with("found "), "{found:?}");
+    }
+    // On one line, what was found is the better place.
+    let parsed = parse(FileId(0), "fn f() -> real { let a = 1.0 a }", &Limits::default());
+    assert_eq!(parsed.diagnostics[0].labels.len(), 1);
+}
+
+#[test]
+fn a_missing_name_is_one_error() {
+    body("let ; = 1.0; x", &[(Code::E0201, ";")]);
+    body("csg 3 = x; x", &[(Code::E0201, "3")]);
+    body("let = 1.0; x", &[(Code::E0201, "=")]);
+    body("let ; = g(x, 3x); x", &[(Code::E0201, ";"), (Code::E0103, "3x")]);
 }

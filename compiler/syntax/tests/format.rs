@@ -110,6 +110,43 @@ fn f(
     assert_eq!(formatted(text), expected);
 }
 
+#[test]
+fn parameters_stand_below_the_first() {
+    let text = "\
+entity Größe(a: real,
+b: real);
+export fn f(x: real,
+  // Said of y.
+      y: vec2 = [
+0.0, 1.0
+] in [[0.0; 2]
+.. [1.0; 2]]
+) -> real {
+g(x,
+y)
+}
+fn g( // not beside
+x: real) -> real { x }
+";
+    let expected = "\
+entity Größe(a: real,
+             b: real);
+export fn f(x: real,
+            // Said of y.
+            y: vec2 = [
+                0.0, 1.0
+            ] in [[0.0; 2]
+                .. [1.0; 2]]
+) -> real {
+    g(x,
+        y)
+}
+fn g( // not beside
+    x: real) -> real { x }
+";
+    assert_eq!(formatted(text), expected);
+}
+
 const WHOLE: &str = include_str!("whole.vola");
 
 /// A correct file with other white space and comments between its tokens.

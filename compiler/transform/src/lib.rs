@@ -19,7 +19,7 @@ mod schedule;
 
 pub use cost::cost;
 pub use derive::{Wanted, derive};
-pub use differentiate::{DifferentiateError, Sweep, active_diffs, differentiate, reverses};
+pub use differentiate::{DifferentiateError, Sweep, active_diffs, differentiate, reverse_is_plausible};
 pub use fold::{fold, kernels, optimise};
 pub use live::live;
 pub use schedule::schedule;

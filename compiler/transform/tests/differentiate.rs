@@ -233,7 +233,13 @@ fn an_order_that_grows_with_the_trip_count_is_refused() {
         let end = b.end();
         vec![b.carry_out(end, y, slope)]
     });
-    assert!(matches!(differentiate(graph, Sweep::Forward, 6, MANY, &Unwatched), Err(DifferentiateError::Growing(_))));
+    let carried = graph.iter().find(|(_, node)| matches!(node, Node::Carried { .. })).map(|(id, _)| graph.origin(id));
+    let Err(DifferentiateError::Growing { carried: named, .. }) =
+        differentiate(graph, Sweep::Forward, 6, MANY, &Unwatched)
+    else {
+        panic!("it was differentiated")
+    };
+    assert_eq!((named.is_some(), named), (true, carried));
 }
 
 #[test]
@@ -263,6 +269,72 @@ fn operands_not_chosen_contribute_nothing() {
         vec![b.diff(least, i[0])]
     });
     check(graph, &[(&[0.0], &[1.0])]);
+}
+
+/// The same for a walk back: two seeds, and the pole behind a choice or outside of a branch.
+#[test]
+fn what_was_not_chosen_contributes_nothing_to_a_gradient() {
+    let chosen = build(&["x", "y"], |b, i| {
+        let one = b.real(1.0);
+        let square = b.mul(i[0], i[0]);
+        let pole = b.div(one, square);
+        let least = b.min(i[0], pole);
+        let sum = b.add(least, i[1]);
+        vec![b.diff(sum, i[0]), b.diff(sum, i[1])]
+    });
+    check(chosen, &[(&[0.0, 5.0], &[1.0, 1.0])]);
+    let taken = build(&["x", "y"], |b, i| {
+        let (zero, one) = (b.real(0.0), b.real(1.0));
+        let square = b.mul(i[0], i[0]);
+        let pole = b.div(one, square);
+        let cond = b.lt(i[1], zero);
+        b.gamma(cond);
+        let far = b.mul(pole, i[1]);
+        b.otherwise();
+        let near = b.mul(i[0], i[1]);
+        let end = b.end();
+        let value = b.join(end, far, near);
+        vec![b.diff(value, i[0]), b.diff(value, i[1])]
+    });
+    check(taken, &[(&[0.0, 2.0], &[2.0, 0.0]), (&[2.0, -1.0], &[0.25, 0.25])]);
+}
+
+/// A branch in a branch and a loop in a branch, walked back: by four seeds.
+#[test]
+fn nested_structures_by_many_seeds() {
+    let graph = build(&["x", "y", "z", "w"], |b, i| {
+        let (zero, four, none) = (b.real(0.0), b.int(4), b.int(0));
+        let outer = b.lt(zero, i[0]);
+        b.gamma(outer);
+        let product = b.mul(i[1], i[2]);
+        let inner = b.lt(product, i[3]);
+        b.gamma(inner);
+        let a = b.mul(product, i[3]);
+        b.otherwise();
+        b.theta(none, four);
+        let power = b.carried(i[1]);
+        let next = b.mul(power, i[2]);
+        let end = b.end();
+        let power = b.carry_out(end, power, next);
+        let c = b.mul(power, product);
+        let end = b.end();
+        let joined = b.join(end, a, c);
+        let then = b.mul(joined, i[0]);
+        b.otherwise();
+        let otherwise = b.sub(i[3], i[2]);
+        let end = b.end();
+        let value = b.join(end, then, otherwise);
+        (0..4).map(|k| b.diff(value, i[k])).collect()
+    });
+    // x·(yz)w; x·(y·z⁴)·(yz) = x·y²·z⁵; w − z.
+    check(
+        graph,
+        &[
+            (&[2.0, 3.0, 1.0, 5.0], &[15.0, 10.0, 30.0, 6.0]),
+            (&[2.0, 3.0, 2.0, 1.0], &[288.0, 384.0, 1440.0, 0.0]),
+            (&[-1.0, 3.0, 2.0, 1.0], &[0.0, 0.0, -1.0, 1.0]),
+        ],
+    );
 }
 
 #[test]

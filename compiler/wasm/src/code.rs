@@ -2,9 +2,10 @@
 
 use wasm_encoder::{Encode, InstructionSink, MemArg};
 
-/// The first locals: the argument, then where the loop over the points stands.
+/// The first locals. The argument of `eval`; then, and for parts, the bytes of a column of reals up to which the loop
+/// over the points runs.
 pub const COUNT: u32 = 0;
-/// Bytes from the start of a column of reals (in f32 modules: of any column) to the points of this iteration.
+/// Where that loop stands: bytes from the start of a column of reals (in f32 modules: of any column) to the points of this iteration.
 pub const AT: u32 = 1;
 /// The same for columns of 32-bit elements in f64 modules.
 pub const AT_NARROW: u32 = 2;
@@ -129,8 +130,8 @@ impl Locals {
         self.scalars.push(local);
     }
 
-    /// How many i32 locals there are besides the argument, and how many v128.
-    pub const fn counts(&self) -> (u32, u32) {
-        (self.first - 1, self.next - self.first)
+    /// How many i32 locals there are besides the arguments, and how many v128.
+    pub const fn counts(&self, arguments: u32) -> (u32, u32) {
+        (self.first - arguments, self.next - self.first)
     }
 }

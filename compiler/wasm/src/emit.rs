@@ -1,22 +1,30 @@
-//! The body of `eval`: values node by node, and the loop over the points. How branches and loops of the graph run in
-//! lanes is in `regions`; where columns lie, in `layout`; in which order, in `lives`.
+//! The bodies of functions: values node by node, and the loops over the points. How branches and loops of the graph run
+//! in lanes is in `regions`; where columns lie, in `layout`; in which order, in `lives`; which function, in `segments`.
+
+use std::ops::Range;
 
 use isograd_graph::{Args, Graph, Node, NodeId, Op, Precision, Scalar};
-use wasm_encoder::{BlockType, ValType};
+use wasm_encoder::{BlockType, MemArg, ValType};
 
 use crate::code::{AT, AT_NARROW, COUNT, Code, Locals, at};
-use crate::lives::{Lives, storage};
+use crate::layout::Scratch;
+use crate::lives::{Item, Lives, Order, storage};
 use crate::rates::{PerNode, Rates, is_late, owner};
 use crate::regions::Frame;
-use crate::{EmitError, Layout, Slot, lanes};
+use crate::segments::{Place, Segments};
+use crate::{EmitError, Layout, Planned, Slot, lanes};
 
 /// Bytes of a vector.
 const VECTOR: u32 = 16;
 
-/// Writes one function.
+/// The first function of a part: those before are `eval` and `point`.
+pub const PARTS: u32 = 2;
+
+/// Writes functions.
 pub struct Emitter<'p> {
     pub graph: &'p Graph,
     pub rates: &'p Rates,
+    pub order: &'p Order,
     pub lives: &'p Lives,
     pub layout: &'p Layout,
     pub vectors: u32,
@@ -28,34 +36,64 @@ pub struct Emitter<'p> {
     pub frames: Vec<Frame>,
     /// A group that says which lanes need what is computed; `None`: all.
     pub mask: Option<u32>,
+    /// What parts leave each other.
+    kept: Option<(&'p Segments, Scratch)>,
+    /// The local that says where in a column of kept values this iteration's are.
+    scratch: u32,
 }
 
-/// The body of `eval`.
-pub fn body(graph: &Graph, rates: &Rates, lives: &Lives, layout: &Layout, vectors: u32) -> Result<Vec<u8>, EmitError> {
-    let mut emitter = Emitter {
-        graph,
-        rates,
-        lives,
-        layout,
-        vectors,
-        code: Code::default(),
-        locals: Locals::new(vectors, depth(graph, lives)),
-        slots: PerNode::new(graph, 0),
-        frames: Vec::new(),
-        mask: None,
-    };
-    emitter.run()?;
-    let (scalars, vectors) = emitter.locals.counts();
-    if scalars + vectors > 49_000 {
-        return Err(EmitError::Locals { count: scalars + vectors });
+/// Says what all functions of a module have in common.
+pub struct Common<'p> {
+    pub graph: &'p Graph,
+    pub rates: &'p Rates,
+    pub layout: &'p Layout,
+}
+
+/// The body of an `eval` that does all by itself.
+pub fn whole(common: &Common<'_>, planned: &Planned) -> Result<Vec<u8>, EmitError> {
+    let mut emitter = Emitter::new(common, planned);
+    emitter.begin(planned, 0);
+    emitter.check_count();
+    emitter.items(0..planned.order.start)?;
+    emitter.count_bytes();
+    emitter.points(planned.order.start..planned.order.items.len())?;
+    emitter.finish(1)
+}
+
+/// The bodies of an `eval` that calls the parts, and of the parts.
+pub fn split<'p>(
+    common: &Common<'p>,
+    segments: &'p Segments,
+    scratch: Scratch,
+    planned: &'p [Planned],
+) -> Result<(Vec<u8>, Vec<Vec<u8>>), EmitError> {
+    let Some(first) = planned.first() else { return Ok((Vec::new(), Vec::new())) };
+    let mut emitter = Emitter::new(common, first);
+    emitter.kept = Some((segments, scratch));
+    let eval = emitter.driver(segments, scratch)?;
+    let mut parts = Vec::with_capacity(planned.len());
+    for (planned, part) in planned.iter().zip(&segments.parts) {
+        emitter.begin(planned, 1);
+        if part.once {
+            emitter.items(0..planned.order.items.len())?;
+            parts.push(emitter.finish(0)?);
+            continue;
+        }
+        if emitter.has_narrow_columns() {
+            emitter.code.sink().local_get(AT).i32_const(1).i32_shr_u().local_set(AT_NARROW);
+        }
+        emitter.scratch = emitter.locals.take_scalar();
+        emitter.points(0..planned.order.items.len())?;
+        parts.push(emitter.finish(2)?);
     }
-    Ok(emitter.code.finish(&[(scalars, ValType::I32), (vectors, ValType::V128)]))
+    Ok((eval, parts))
 }
 
 /// How deep loops nest.
-fn depth(graph: &Graph, lives: &Lives) -> u32 {
+fn depth(graph: &Graph, order: &Order) -> u32 {
     let (mut depth, mut deepest) = (0_u32, 0);
-    for id in &lives.items {
+    for item in &order.items {
+        let Item::Node(id) = item else { continue };
         match graph[*id] {
             Node::Theta { .. } => {
                 depth += 1;
@@ -68,34 +106,97 @@ fn depth(graph: &Graph, lives: &Lives) -> u32 {
     deepest
 }
 
-impl Emitter<'_> {
-    fn run(&mut self) -> Result<(), EmitError> {
-        let precision = self.layout.precision;
+impl<'p> Emitter<'p> {
+    fn new(common: &Common<'p>, planned: &'p Planned) -> Self {
+        Self {
+            graph: common.graph,
+            rates: common.rates,
+            layout: common.layout,
+            order: &planned.order,
+            lives: &planned.lives,
+            vectors: planned.vectors as u32,
+            code: Code::default(),
+            locals: Locals::new(1, 0),
+            slots: PerNode::new(common.graph, 0),
+            frames: Vec::new(),
+            mask: None,
+            kept: None,
+            scratch: 0,
+        }
+    }
+
+    /// Begins a function that has so many pairs of i32 locals besides those of its loops.
+    fn begin(&mut self, planned: &'p Planned, scalars: u32) {
+        self.order = &planned.order;
+        self.lives = &planned.lives;
+        self.vectors = planned.vectors as u32;
+        self.locals = Locals::new(self.vectors, depth(self.graph, &planned.order) + scalars);
+    }
+
+    /// Ends a function of so many arguments.
+    fn finish(&mut self, arguments: u32) -> Result<Vec<u8>, EmitError> {
+        let (scalars, vectors) = self.locals.counts(arguments);
+        if scalars + vectors > 49_000 {
+            return Err(EmitError::Locals { count: scalars + vectors });
+        }
+        Ok(std::mem::take(&mut self.code).finish(&[(scalars, ValType::I32), (vectors, ValType::V128)]))
+    }
+
+    /// Returns if the count is none.
+    fn check_count(&mut self) {
         let block = self.layout.block.cast_signed();
         // count − 1 ≥ block, unsigned, also holds for a count of 0.
         self.code.sink().local_get(COUNT).i32_const(1).i32_sub().i32_const(block).i32_ge_u();
         self.code.sink().if_(BlockType::Empty).return_().end();
-        for position in 0..self.lives.start {
-            self.item(position)?;
-        }
+    }
 
-        let bytes = precision.bytes().cast_signed();
+    /// Makes the count one of bytes.
+    fn count_bytes(&mut self) {
+        let bytes = self.layout.precision.bytes().cast_signed();
         self.code.sink().local_get(COUNT).i32_const(bytes).i32_mul().local_set(COUNT);
+    }
+
+    /// The body of an `eval` that runs all parts over a chunk of points before it goes on to the next.
+    fn driver(&mut self, segments: &Segments, scratch: Scratch) -> Result<Vec<u8>, EmitError> {
+        /// The end of the chunk.
+        const UNTIL: u32 = 2;
+        self.check_count();
+        let parts = || (PARTS..).zip(&segments.parts);
+        for (function, _) in parts().filter(|(_, part)| part.once) {
+            self.code.sink().call(function);
+        }
+        self.count_bytes();
+        let chunk = (scratch.points * self.layout.precision.bytes()).cast_signed();
         self.code.sink().loop_(BlockType::Empty);
-        for position in self.lives.start..self.lives.items.len() {
-            self.item(position)?;
+        self.code.sink().local_get(COUNT).local_get(AT).i32_const(chunk).i32_add().local_tee(UNTIL);
+        self.code.sink().local_get(COUNT).local_get(UNTIL).i32_lt_u().select().local_set(UNTIL);
+        for (function, _) in parts().filter(|(_, part)| !part.once) {
+            self.code.sink().local_get(UNTIL).local_get(AT).call(function);
         }
-        for (slot, output) in self.layout.outputs.iter().zip(&self.graph.outputs) {
-            for vector in 0..self.vectors {
-                self.store(*slot, output.node, vector);
-            }
-        }
+        self.code.sink().local_get(UNTIL).local_tee(AT).local_get(COUNT).i32_lt_u().br_if(0).end();
+        self.finish(1)
+    }
+
+    fn items(&mut self, positions: Range<usize>) -> Result<(), EmitError> {
+        positions.into_iter().try_for_each(|position| self.item(position))
+    }
+
+    /// The loop over the points.
+    fn points(&mut self, positions: Range<usize>) -> Result<(), EmitError> {
+        self.code.sink().loop_(BlockType::Empty);
+        self.items(positions)?;
+        let pad = self.vectors * VECTOR / self.layout.precision.bytes();
+        let step = |local: u32, bytes: u32, code: &mut Code| {
+            code.sink().local_get(local).i32_const(bytes.cast_signed()).i32_add().local_set(local);
+        };
         if self.has_narrow_columns() {
-            let step = (self.layout.pad * 4).cast_signed();
-            self.code.sink().local_get(AT_NARROW).i32_const(step).i32_add().local_set(AT_NARROW);
+            step(AT_NARROW, pad * 4, &mut self.code);
         }
-        let step = (self.layout.pad * precision.bytes()).cast_signed();
-        self.code.sink().local_get(AT).i32_const(step).i32_add().local_tee(AT);
+        if self.kept.is_some() {
+            step(self.scratch, self.vectors * VECTOR, &mut self.code);
+        }
+        let bytes = (self.vectors * VECTOR).cast_signed();
+        self.code.sink().local_get(AT).i32_const(bytes).i32_add().local_tee(AT);
         self.code.sink().local_get(COUNT).i32_lt_u().br_if(0).end();
         Ok(())
     }
@@ -107,8 +208,30 @@ impl Emitter<'_> {
     }
 
     fn item(&mut self, position: usize) -> Result<(), EmitError> {
-        let Some(id) = self.lives.items.get(position).copied() else { return Ok(()) };
-        let next = self.lives.items.get(position + 1).copied();
+        let Some(item) = self.order.items.get(position).copied() else { return Ok(()) };
+        let id = match item {
+            Item::Node(id) => id,
+            Item::Restore(id) => {
+                self.restore(id);
+                return Ok(());
+            }
+            Item::Keep(id) => {
+                self.keep(id);
+                self.free(position);
+                return Ok(());
+            }
+            Item::Output(index) => {
+                if let Some((slot, output)) = self.layout.outputs.get(index).zip(self.graph.outputs.get(index)) {
+                    (0..self.vectors).for_each(|vector| self.store(*slot, output.node, vector));
+                }
+                self.free(position);
+                return Ok(());
+            }
+        };
+        let next = match self.order.items.get(position + 1) {
+            Some(Item::Node(id)) => Some(*id),
+            _ => None,
+        };
         match self.graph[id] {
             Node::Input(index) => self.input(id, index),
             Node::Apply(op, args) => self.apply(position, id, op, args)?,
@@ -142,8 +265,9 @@ impl Emitter<'_> {
 
     /// Takes back the locals of what has been read for the last time here.
     pub fn free(&mut self, position: usize) {
-        for id in self.lives.dying(position) {
-            self.locals.give(self.slots[*id], !self.rates.uniform[*id]);
+        let lives = self.lives;
+        for id in lives.dying(position) {
+            self.locals.give(self.slots[id], !self.rates.uniform[id]);
         }
     }
 
@@ -286,6 +410,43 @@ impl Emitter<'_> {
             self.code.sink().v128_store64_lane(at(slot.offset + vector * VECTOR / 2, 3), 0);
         } else {
             self.code.sink().v128_store(at(slot.offset + vector * VECTOR, 4));
+        }
+    }
+
+    /// The address of a vector that is kept for later functions: a base, to be pushed, and an offset.
+    fn place(&mut self, id: NodeId, vector: u32) -> Option<MemArg> {
+        let (segments, scratch) = self.kept?;
+        let offset = match segments.places.get(&id)? {
+            Place::Slot(slot) => {
+                self.code.sink().i32_const(0);
+                scratch.slot(*slot)
+            }
+            Place::Column(column) => {
+                self.code.get(self.scratch);
+                scratch.column(*column) + vector * VECTOR
+            }
+        };
+        Some(at(offset, 4))
+    }
+
+    /// Stores a value for later functions.
+    fn keep(&mut self, id: NodeId) {
+        for vector in 0..self.width(id) {
+            if let Some(place) = self.place(id, vector) {
+                self.push(id, vector);
+                self.code.sink().v128_store(place);
+            }
+        }
+    }
+
+    /// Reads back what an earlier function has stored.
+    fn restore(&mut self, id: NodeId) {
+        let local = self.allot(id);
+        for vector in 0..self.width(id) {
+            if let Some(place) = self.place(id, vector) {
+                self.code.sink().v128_load(place);
+                self.code.set(local + vector);
+            }
         }
     }
 

@@ -47,6 +47,30 @@ pub struct Layout {
     pub memory: u32,
 }
 
+/// The memory behind the columns where the functions of a module keep values for each other (see `segments`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Scratch {
+    /// Where it begins: the slots, of a vector each, then the columns.
+    offset: u32,
+    slots: u32,
+    /// Points of a column, all of which one part computes before the next part begins.
+    pub points: u32,
+    /// Bytes of a column.
+    column: u32,
+}
+
+impl Scratch {
+    /// The address of a slot.
+    pub const fn slot(&self, slot: u32) -> u32 {
+        self.offset + slot * 16
+    }
+
+    /// The address of a column.
+    pub const fn column(&self, column: u32) -> u32 {
+        self.slot(self.slots) + column * self.column
+    }
+}
+
 /// The place of one scalar.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Slot {
@@ -74,8 +98,25 @@ const fn element(scalar: Scalar, precision: Precision) -> u32 {
     }
 }
 
-/// Places the columns of a graph.
-pub fn place(graph: &Graph, varying: &[bool], precision: Precision, pad: u32) -> Result<Layout, EmitError> {
+/// Slots and columns that parts need, and the points of a chunk.
+#[derive(Debug, Clone, Copy)]
+pub struct Kept {
+    /// Vectors.
+    pub slots: u32,
+    /// Columns.
+    pub columns: u32,
+    /// Points of a column.
+    pub points: u32,
+}
+
+/// Places the columns of a graph, and what its functions keep for each other.
+pub fn place(
+    graph: &Graph,
+    varying: &[bool],
+    precision: Precision,
+    pad: u32,
+    kept: Option<Kept>,
+) -> Result<(Layout, Option<Scratch>), EmitError> {
     let inputs = || graph.inputs.iter().map(|input| input.scalar).zip(varying.iter().copied());
     let outputs = || graph.outputs.iter().map(|output| (graph.scalar(output.node), true));
     let size = |scalar| u64::from(element(scalar, precision));
@@ -100,17 +141,26 @@ pub fn place(graph: &Graph, varying: &[bool], precision: Precision, pad: u32) ->
     places.extend(slots(&mut inputs(), &mut end, true));
     places.sort_unstable_by_key(|(index, _)| *index);
     let results = slots(&mut outputs(), &mut end, true);
+    let scratch = kept.map(|kept| {
+        let Kept { slots, columns, points } = kept;
+        let points = points.min(block).max(pad);
+        let column = points * precision.bytes();
+        let offset = u32::try_from(end.next_multiple_of(LINE)).unwrap_or(u32::MAX);
+        end = u64::from(offset) + u64::from(slots) * 16 + u64::from(columns) * u64::from(column);
+        Scratch { offset, slots, points, column }
+    });
     let memory = end.next_multiple_of(PAGE).max(PAGE);
     if memory > LIMIT {
         return Err(EmitError::Memory { bytes: memory });
     }
     let only_slots = |places: Vec<(usize, Slot)>| places.into_iter().map(|(_, slot)| slot).collect();
-    Ok(Layout {
+    let layout = Layout {
         precision,
         block,
         pad,
         inputs: only_slots(places),
         outputs: only_slots(results),
         memory: u32::try_from(memory).unwrap_or(u32::MAX),
-    })
+    };
+    Ok((layout, scratch))
 }

@@ -2,8 +2,8 @@
 //! stands: it reorders nothing and knows nothing of source text, differentiation and hosts.
 //!
 //! `lanes` holds the instruction texts of the op table as bytes; `rates` says what is computed once and what in every
-//! lane; `lives`, in which order and for how long; `pressure`, how many vectors at a time; `layout`, where columns
-//! lie; `emit` and `regions` write the code. No relaxed SIMD, no fused operations, constants at each use.
+//! lane; `lives`, in which order and for how long; `segments`, where a large graph is cut into functions; `pressure`,
+//! how many vectors at a time; `layout`, where columns lie; `emit` and `regions` write the code. No relaxed SIMD, no fused operations, constants at each use.
 
 #![cfg_attr(
     not(test),
@@ -18,6 +18,7 @@ mod lives;
 mod pressure;
 mod rates;
 mod regions;
+mod segments;
 
 use std::borrow::Cow;
 
@@ -29,6 +30,7 @@ use wasm_encoder::{
 
 pub use layout::{Layout, Slot};
 pub use pressure::Facts;
+pub use segments::Split;
 
 /// The custom section that holds the manifest.
 pub const MANIFEST: &str = "isograd.manifest";
@@ -56,6 +58,8 @@ pub struct Options<'a> {
     pub varying: &'a [bool],
     /// Vectors per iteration; `None` chooses by the number of values that live at once.
     pub vectors: Option<Vectors>,
+    /// When and how to cut a large graph into several functions.
+    pub split: Split,
 }
 
 /// An emitted module.
@@ -112,10 +116,18 @@ pub enum EmitError {
 pub struct Plan<'g> {
     graph: &'g Verified,
     rates: rates::Rates,
-    lives: lives::Lives,
-    vectors: Vectors,
+    /// The functions: one, or the parts.
+    functions: Vec<Planned>,
+    parts: Option<(segments::Segments, layout::Scratch)>,
     layout: Layout,
     facts: Facts,
+}
+
+/// All decisions about a function.
+struct Planned {
+    order: lives::Order,
+    lives: lives::Lives,
+    vectors: Vectors,
 }
 
 impl<'g> Plan<'g> {
@@ -131,15 +143,28 @@ impl<'g> Plan<'g> {
             return Err(EmitError::Options { what: "the graph has another precision" });
         }
         let rates = rates::Rates::new(graph, options.varying)?;
-        let lives = lives::Lives::new(graph, &rates);
-        let vectors = match options.vectors {
-            Some(vectors) => vectors,
-            None => pressure::vectors(graph, &rates, &lives, options.precision)?,
+        let order = lives::order(graph, &rates);
+        let facts = pressure::facts(graph, &order);
+        let mut segments = segments::cut(graph, &rates, &order, &options.split);
+        let orders = match &mut segments {
+            Some(segments) => segments.parts.iter_mut().map(|part| std::mem::take(&mut part.order)).collect(),
+            None => vec![order],
         };
-        let pad = vectors as u32 * 16 / options.precision.bytes();
-        let layout = layout::place(graph, options.varying, options.precision, pad)?;
-        let facts = pressure::facts(graph, &lives);
-        Ok(Self { graph, rates, lives, vectors, layout, facts })
+        let mut tables = lives::Tables::new(graph);
+        let mut functions = Vec::with_capacity(orders.len());
+        for order in orders {
+            let lives = lives::Lives::new(graph, &rates, &order, &mut tables);
+            let vectors = match options.vectors {
+                Some(vectors) => vectors,
+                None => pressure::vectors(graph, &rates, &order, &lives, options.precision, segments.is_some())?,
+            };
+            functions.push(Planned { order, lives, vectors });
+        }
+        let vectors = functions.iter().map(|function| function.vectors as u32).max().unwrap_or(1);
+        let pad = vectors * 16 / options.precision.bytes();
+        let kept = segments.as_ref().map(|segments| segments.kept(&options.split));
+        let (layout, scratch) = layout::place(graph, options.varying, options.precision, pad, kept)?;
+        Ok(Self { graph, rates, functions, parts: segments.zip(scratch), layout, facts })
     }
 
     /// Where the columns will lie.
@@ -154,10 +179,11 @@ impl<'g> Plan<'g> {
         self.facts
     }
 
-    /// Vectors per iteration.
+    /// Vectors per iteration; of several functions the most.
     #[must_use]
-    pub const fn vectors(&self) -> Vectors {
-        self.vectors
+    pub fn vectors(&self) -> Vectors {
+        let all = self.functions.iter().map(|function| function.vectors);
+        all.max_by_key(|vectors| *vectors as u32).unwrap_or(Vectors::One)
     }
 
     /// Writes the code.
@@ -165,11 +191,17 @@ impl<'g> Plan<'g> {
     /// # Errors
     /// If the code exceeds a limit of WebAssembly.
     pub fn write(self) -> Result<Written, EmitError> {
-        let body = emit::body(self.graph, &self.rates, &self.lives, &self.layout, self.vectors as u32)?;
-        if body.len() > FUNCTION_BYTES {
-            return Err(EmitError::Code { bytes: body.len() });
+        let common = emit::Common { graph: self.graph, rates: &self.rates, layout: &self.layout };
+        let (eval, parts) = match (&self.parts, self.functions.as_slice()) {
+            (Some((segments, scratch)), functions) => emit::split(&common, segments, *scratch, functions)?,
+            (None, [function]) => (emit::whole(&common, function)?, Vec::new()),
+            (None, _) => (Vec::new(), Vec::new()),
+        };
+        if let Some(bytes) = parts.iter().chain([&eval]).map(Vec::len).find(|bytes| *bytes > FUNCTION_BYTES) {
+            return Err(EmitError::Code { bytes });
         }
-        Ok(Written { body, layout: self.layout, facts: self.facts })
+        let once = self.parts.iter().flat_map(|(segments, _)| &segments.parts).filter(|part| part.once).count();
+        Ok(Written { eval, parts, once, layout: self.layout, facts: self.facts })
     }
 
     /// Writes the code and the module around it.
@@ -184,7 +216,10 @@ impl<'g> Plan<'g> {
 /// The code of a module that lacks its manifest.
 #[derive(Debug, Clone)]
 pub struct Written {
-    body: Vec<u8>,
+    eval: Vec<u8>,
+    parts: Vec<Vec<u8>>,
+    /// How many of the parts, the first ones, run once.
+    once: usize,
     /// Where the columns lie.
     pub layout: Layout,
     /// What compilation and calls may take.
@@ -195,8 +230,45 @@ impl Written {
     /// The module. The manifest goes into the custom section [`MANIFEST`]; an empty one is left out.
     #[must_use]
     pub fn seal(self, manifest: &[u8]) -> Module {
-        let bytes = assemble(&self.body, self.layout.memory, manifest);
+        let bytes = self.assemble(manifest);
         Module { bytes, layout: self.layout, facts: self.facts }
+    }
+
+    fn assemble(&self, manifest: &[u8]) -> Vec<u8> {
+        let mut types = TypeSection::new();
+        types.ty().function([ValType::I32], []);
+        types.ty().function([], []);
+        let mut functions = FunctionSection::new();
+        functions.function(0).function(1);
+        if !self.parts.is_empty() {
+            types.ty().function([ValType::I32, ValType::I32], []);
+            (0..self.parts.len()).for_each(|k| _ = functions.function(if k < self.once { 1 } else { 2 }));
+        }
+        let pages = u64::from(self.layout.memory >> 16);
+        let mut memories = MemorySection::new();
+        memories.memory(MemoryType {
+            minimum: pages,
+            maximum: Some(pages),
+            memory64: false,
+            shared: false,
+            page_size_log2: None,
+        });
+        let mut exports = ExportSection::new();
+        exports.export("memory", ExportKind::Memory, 0);
+        exports.export("eval", ExportKind::Func, 0);
+        exports.export("point", ExportKind::Func, 1);
+        let mut point = wasm_encoder::Function::new([]);
+        point.instructions().i32_const(1).call(0).end();
+        let mut code = CodeSection::new();
+        code.raw(&self.eval).function(&point);
+        self.parts.iter().for_each(|part| _ = code.raw(part));
+
+        let mut module = wasm_encoder::Module::new();
+        module.section(&types).section(&functions).section(&memories).section(&exports).section(&code);
+        if !manifest.is_empty() {
+            module.section(&CustomSection { name: Cow::Borrowed(MANIFEST), data: Cow::Borrowed(manifest) });
+        }
+        module.finish()
     }
 }
 
@@ -206,37 +278,4 @@ impl Written {
 /// As [`Plan::new`] and [`Plan::emit`].
 pub fn emit(graph: &Verified, options: &Options<'_>, manifest: &[u8]) -> Result<Module, EmitError> {
     Plan::new(graph, options)?.emit(manifest)
-}
-
-/// Puts the body of `eval` into a module.
-fn assemble(eval: &[u8], memory: u32, manifest: &[u8]) -> Vec<u8> {
-    let mut types = TypeSection::new();
-    types.ty().function([ValType::I32], []);
-    types.ty().function([], []);
-    let mut functions = FunctionSection::new();
-    functions.function(0).function(1);
-    let pages = u64::from(memory >> 16);
-    let mut memories = MemorySection::new();
-    memories.memory(MemoryType {
-        minimum: pages,
-        maximum: Some(pages),
-        memory64: false,
-        shared: false,
-        page_size_log2: None,
-    });
-    let mut exports = ExportSection::new();
-    exports.export("memory", ExportKind::Memory, 0);
-    exports.export("eval", ExportKind::Func, 0);
-    exports.export("point", ExportKind::Func, 1);
-    let mut point = wasm_encoder::Function::new([]);
-    point.instructions().i32_const(1).call(0).end();
-    let mut code = CodeSection::new();
-    code.raw(eval).function(&point);
-
-    let mut module = wasm_encoder::Module::new();
-    module.section(&types).section(&functions).section(&memories).section(&exports).section(&code);
-    if !manifest.is_empty() {
-        module.section(&CustomSection { name: Cow::Borrowed(MANIFEST), data: Cow::Borrowed(manifest) });
-    }
-    module.finish()
 }

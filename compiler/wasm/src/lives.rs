@@ -5,18 +5,59 @@ use isograd_graph::{Graph, Node, NodeId};
 
 use crate::rates::{PerNode, Rates, is_constant, is_late, owner};
 
-/// The order of emission, and from where to where in it each value lives.
-pub struct Lives {
-    /// The needed nodes that are no constants: first those computed once, then those of the loop over the points.
-    pub items: Vec<NodeId>,
+/// One thing that a function does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Item {
+    /// Computes a node.
+    Node(NodeId),
+    /// Reads back a value that an earlier function has kept.
+    Restore(NodeId),
+    /// Keeps a value in memory for later functions.
+    Keep(NodeId),
+    /// Stores an output of the graph, by its index.
+    Output(usize),
+}
+
+/// What a function does, in order.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Order {
+    /// First what is done once, then what is done in the loop over the points.
+    pub items: Vec<Item>,
     /// Where in `items` the loop over the points begins.
     pub start: usize,
-    /// Where each value is first written.
-    first: PerNode<usize>,
-    /// Where each value is last read; `items.len()` for what the outputs or later points read.
-    last: PerNode<usize>,
-    /// The values, ordered by their last read.
-    deaths: Vec<NodeId>,
+}
+
+/// From where to where in an order each value lives.
+#[derive(Default)]
+pub struct Lives {
+    /// Ordered by their ends. A value that is read back twice has two lives.
+    lives: Vec<Life>,
+    /// How many things the order has.
+    length: usize,
+}
+
+struct Life {
+    id: NodeId,
+    /// Where it is first written.
+    first: usize,
+    /// Where it is last read; the end of the loop for what later iterations read.
+    last: usize,
+}
+
+/// What several orders of one graph can use in turn to find their lives: it need not be cleared in between, as every
+/// order writes a value before it reads it.
+pub struct Tables {
+    /// The place of a value's life.
+    current: PerNode<usize>,
+    /// Where a node stands.
+    position: PerNode<usize>,
+}
+
+impl Tables {
+    /// For the orders of a graph.
+    pub fn new(graph: &Graph) -> Self {
+        Self { current: PerNode::new(graph, usize::MAX), position: PerNode::new(graph, 0) }
+    }
 }
 
 /// A final is another name for the content of its variable.
@@ -86,8 +127,22 @@ pub fn reads(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl F
     }
 }
 
-/// The order, and where in it the loop over the points begins.
-fn order(graph: &Graph, rates: &Rates) -> (Vec<NodeId>, usize) {
+/// Calls `f` with the values that are first written where this node stands in the order.
+pub fn defines(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl FnMut(NodeId)) {
+    match node {
+        Node::Input(_) | Node::Apply(..) | Node::Counter { .. } => f(id),
+        Node::Theta { .. } => rates.carried.get(&id).into_iter().flatten().for_each(|carried| f(*carried)),
+        Node::Else { gamma } => {
+            if let Some(Node::Gamma { end, .. }) = graph.get(gamma) {
+                rates.joins.get(&end).into_iter().flatten().for_each(|join| f(*join));
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The order of a module of one function.
+pub fn order(graph: &Graph, rates: &Rates) -> Order {
     let wanted = |(id, node): &(NodeId, Node)| rates.needed[*id] && !is_constant(*node);
     let mut items: Vec<NodeId> = graph.iter().filter(wanted).map(|(id, _)| id).filter(|id| rates.early[*id]).collect();
     let start = items.len();
@@ -116,7 +171,8 @@ fn order(graph: &Graph, rates: &Rates) -> (Vec<NodeId>, usize) {
     for output in &graph.outputs {
         load(graph, rates, output.node, &mut loaded, &mut items);
     }
-    (items, start)
+    let outputs = (0..graph.outputs.len()).map(Item::Output);
+    Order { items: items.into_iter().map(Item::Node).chain(outputs).collect(), start }
 }
 
 /// Puts a varying input in order if it is not yet.
@@ -127,74 +183,75 @@ fn load(graph: &Graph, rates: &Rates, x: NodeId, loaded: &mut PerNode<bool>, ite
 }
 
 impl Lives {
-    /// Computes order and lives.
-    pub fn new(graph: &Graph, rates: &Rates) -> Self {
-        let (items, start) = order(graph, rates);
-        let mut positions = PerNode::new(graph, 0);
-        for (at, id) in items.iter().enumerate() {
-            positions[*id] = at;
+    /// Finds the lives of the values of an order.
+    pub fn new(graph: &Graph, rates: &Rates, order: &Order, tables: &mut Tables) -> Self {
+        let Tables { current, position } = tables;
+        for (at, item) in order.items.iter().enumerate() {
+            if let Item::Node(id) = item {
+                position[*id] = at;
+            }
         }
-        let mut first = PerNode::new(graph, usize::MAX);
-        let mut last = PerNode::new(graph, 0);
+        let length = order.items.len();
+        let mut lives: Vec<Life> = Vec::with_capacity(length);
         // The open loops, each as where it begins and ends. What is made outside of a loop and read inside must last
         // to the loop's end. The loop over the points is one more.
         let mut open: Vec<(usize, usize)> = Vec::new();
-        for (at, id) in items.iter().enumerate() {
-            if at == start {
-                open.push((start, items.len()));
+        for (at, item) in order.items.iter().enumerate() {
+            if at == order.start {
+                open.push((order.start, length));
             }
-            let node = graph[*id];
-            reads(graph, rates, *id, node, |x| {
+            let mut read = |x: NodeId| {
                 if is_constant(graph[x]) {
                     return;
                 }
-                let x = storage(graph, x);
-                let inside = open.partition_point(|(begin, _)| *begin <= first[x]);
+                let Some(life) = lives.get_mut(current[storage(graph, x)]) else { return };
+                let inside = open.partition_point(|(begin, _)| *begin <= life.first);
                 let until = open.get(inside).map_or(at, |(_, end)| *end);
-                last[x] = last[x].max(until);
-            });
-            match node {
-                Node::Input(_) | Node::Apply(..) | Node::Counter { .. } => first[*id] = at,
-                Node::Theta { end, .. } => {
-                    open.push((at, positions[end]));
-                    rates.carried.get(id).into_iter().flatten().for_each(|carried| first[*carried] = at);
+                life.last = life.last.max(until);
+            };
+            match *item {
+                Item::Node(id) => reads(graph, rates, id, graph[id], read),
+                Item::Keep(id) => read(id),
+                Item::Output(index) => graph.outputs.get(index).into_iter().for_each(|output| read(output.node)),
+                Item::Restore(_) => {}
+            }
+            let mut write = |id: NodeId| {
+                current[id] = lives.len();
+                lives.push(Life { id, first: at, last: 0 });
+            };
+            match *item {
+                Item::Node(id) => defines(graph, rates, id, graph[id], write),
+                Item::Restore(id) => write(id),
+                Item::Keep(_) | Item::Output(_) => {}
+            }
+            if let Item::Node(id) = *item {
+                match graph[id] {
+                    Node::Theta { end, .. } => open.push((at, position[end])),
+                    Node::End { begin } if matches!(graph[begin], Node::Theta { .. }) => _ = open.pop(),
+                    _ => {}
                 }
-                Node::Else { gamma } => {
-                    if let Some(Node::Gamma { end, .. }) = graph.get(gamma) {
-                        rates.joins.get(&end).into_iter().flatten().for_each(|join| first[*join] = at);
-                    }
-                }
-                Node::End { begin } if matches!(graph[begin], Node::Theta { .. }) => {
-                    open.pop();
-                }
-                _ => {}
             }
         }
-        for output in &graph.outputs {
-            last[storage(graph, output.node)] = items.len();
-        }
-        let mut deaths: Vec<NodeId> =
-            graph.iter().map(|(id, _)| id).filter(|id| first[*id] != usize::MAX && last[*id] > first[*id]).collect();
-        deaths.sort_by_key(|id| last[*id]);
-        Self { items, start, first, last, deaths }
+        lives.retain(|life| life.last > life.first);
+        lives.sort_by_key(|life| (life.last, life.id));
+        Self { lives, length }
     }
 
     /// The values that are read for the last time at a place in the order.
-    pub fn dying(&self, at: usize) -> &[NodeId] {
-        let from = self.deaths.partition_point(|id| self.last[*id] < at);
-        let to = self.deaths.partition_point(|id| self.last[*id] <= at);
-        self.deaths.get(from..to).unwrap_or(&[])
+    pub fn dying(&self, at: usize) -> impl Iterator<Item = NodeId> {
+        let from = self.lives.partition_point(|life| life.last < at);
+        self.lives.get(from..).unwrap_or(&[]).iter().take_while(move |life| life.last == at).map(|life| life.id)
     }
 
     /// The largest number of varying values that live at once in the loop over the points.
     pub fn pressure(&self, rates: &Rates) -> usize {
-        let mut changes = vec![0_isize; self.items.len() + 1];
-        for id in self.deaths.iter().filter(|id| !rates.uniform[**id]) {
-            if let Some(change) = changes.get_mut(self.first[*id]) {
+        let mut changes = vec![0_isize; self.length + 1];
+        for life in self.lives.iter().filter(|life| !rates.uniform[life.id]) {
+            if let Some(change) = changes.get_mut(life.first) {
                 *change += 1;
             }
             // What dies where another value is made leaves its register to it.
-            if let Some(change) = changes.get_mut(self.last[*id]) {
+            if let Some(change) = changes.get_mut(life.last) {
                 *change -= 1;
             }
         }

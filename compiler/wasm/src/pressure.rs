@@ -1,9 +1,10 @@
 //! How many vectors of points an iteration should compute, and the size of the work in it. Knows the measurements of
 //! `NOTES-speed`; knows nothing of how code is written.
 
-use isograd_graph::{Graph, Node, Precision};
+use isograd_graph::{Graph, Node, NodeId, Precision};
+use rustc_hash::FxHashMap;
 
-use crate::lives::Lives;
+use crate::lives::{Item, Lives, Order};
 use crate::rates::Rates;
 use crate::{EmitError, Vectors, lanes};
 
@@ -17,6 +18,8 @@ const FEW: usize = 16;
 const SOME: usize = 30;
 /// Instructions of a body that the processor does not overlap with the next iteration's.
 const LONG_BODY: u64 = 200;
+/// A processor works on about so many instructions at once: if a chain has more than this share of them, it waits.
+const WAITING: u64 = 4;
 /// Iterations of a loop above which a deadline must be able to interrupt it (DESIGN 9).
 const LONG: u64 = 10_000;
 
@@ -36,30 +39,52 @@ pub struct Facts {
 /// vector more costs time to compile. The numbers are those of `cargo run -p isograd-benches` on the thesis's scenes:
 /// the values of 68 blended spheres (1,072 operations, 15 alive) take 212, 117, 71 ns with 1, 2, 4 vectors, their
 /// gradients (4,697 operations, 36 alive) 297, 405, 587 ns; small shapes take the same with 2 as with 4.
-pub fn vectors(graph: &Graph, rates: &Rates, lives: &Lives, precision: Precision) -> Result<Vectors, EmitError> {
+///
+/// A part of a large graph computes one vector, unless most of its operations wait for each other: the values of 8,000
+/// operations in parts take 273, 289, 409 ns with 1, 2, 4 vectors, and 16, 61, 109 ms to compile.
+pub fn vectors(
+    graph: &Graph,
+    rates: &Rates,
+    order: &Order,
+    lives: &Lives,
+    precision: Precision,
+    is_part: bool,
+) -> Result<Vectors, EmitError> {
     let mut instructions = 0_u64;
-    for id in lives.items.get(lives.start..).unwrap_or(&[]) {
-        if let Node::Apply(op, _) = graph[*id]
+    // The instructions of the longest chain of which each waits for the one before, by the value at its end.
+    let mut chains: FxHashMap<NodeId, u64> = FxHashMap::default();
+    let mut longest = 0;
+    for item in order.items.get(order.start..).unwrap_or(&[]) {
+        if let Item::Node(id) = item
+            && let Node::Apply(op, args) = graph[*id]
             && !rates.uniform[*id]
         {
             let program = lanes::program(op, precision).ok_or(EmitError::NoLanes(op))?;
-            instructions += u64::from(program.instructions);
+            let own = u64::from(program.instructions);
+            instructions += own;
+            if is_part {
+                let before = args.as_slice().iter().filter_map(|x| chains.get(x)).max().copied().unwrap_or(0);
+                chains.insert(*id, before + own);
+                longest = longest.max(before + own);
+            }
         }
     }
     let fits = |n: u64| instructions * n * BYTES <= CODE;
+    let waits = longest * WAITING > instructions;
     Ok(match lives.pressure(rates) {
-        0..=FEW if instructions > LONG_BODY && fits(4) => Vectors::Four,
-        0..=SOME if fits(2) => Vectors::Two,
+        0..=FEW if instructions > LONG_BODY && fits(4) && (!is_part || waits) => Vectors::Four,
+        0..=SOME if fits(2) && !is_part => Vectors::Two,
         _ => Vectors::One,
     })
 }
 
 /// The facts of a graph.
-pub fn facts(graph: &Graph, lives: &Lives) -> Facts {
+pub fn facts(graph: &Graph, order: &Order) -> Facts {
     let mut facts = Facts::default();
     // How often the body of each open loop runs.
     let mut runs = vec![1_u64];
-    for id in &lives.items {
+    for item in &order.items {
+        let Item::Node(id) = item else { continue };
         match graph[*id] {
             Node::Apply(..) => facts.operations += 1,
             Node::Theta { lo, hi, .. } => {

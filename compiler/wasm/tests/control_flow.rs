@@ -5,7 +5,7 @@
 mod support;
 
 use isograd_graph::{Builder, NodeId, Op, Precision, Scalar, Value, Verified};
-use isograd_wasm::{EmitError, Options, Plan, Vectors, emit};
+use isograd_wasm::{EmitError, Options, Plan, Split, Vectors, emit};
 use support::{PRECISIONS, Random, Running, compare, graph};
 
 fn real(x: f64) -> Value {
@@ -119,7 +119,12 @@ fn uniform_work_is_done_once() {
         b.output("y", result);
     });
     compare(&verified, &[false, false], &[vec![real(1.01), Value::Int(6)], vec![real(9.0), Value::Int(0)]]);
-    let options = Options { precision: Precision::F32, varying: &[false, false], vectors: Some(Vectors::One) };
+    let options = Options {
+        precision: Precision::F32,
+        varying: &[false, false],
+        vectors: Some(Vectors::One),
+        split: Split::default(),
+    };
     let module = emit(&verified, &options, b"").expect("emits");
     // 4,096 points at 2^25 iterations each would take minutes.
     let mut running = Running::new(&module, wasmtime::OptLevel::None);
@@ -263,11 +268,40 @@ fn random_graphs_agree_with_the_reference() {
 
 #[test]
 fn the_same_graph_gives_the_same_bytes() {
+    if std::env::var("HASHES").is_ok() {
+        use std::hash::{Hash, Hasher};
+        let mut h = std::hash::DefaultHasher::new();
+        for seed in 0..300 {
+            for v in support::VECTORS {
+                for p in PRECISIONS {
+                    let verified = random_graph(seed, p);
+                    emit(
+                        &verified,
+                        &Options {
+                            precision: p,
+                            varying: &[seed % 2 == 0, true, seed % 3 == 0, true, false],
+                            vectors: v,
+                            split: Split::default(),
+                        },
+                        b"m",
+                    )
+                    .expect("emits")
+                    .bytes
+                    .hash(&mut h);
+                }
+            }
+        }
+        println!("HASH {:x}", h.finish());
+    }
     for seed in 0..20 {
         let emitted = || {
             let verified = random_graph(seed, Precision::F32);
-            emit(&verified, &Options { precision: Precision::F32, varying: &[true; 5], vectors: None }, b"m")
-                .expect("emits")
+            emit(
+                &verified,
+                &Options { precision: Precision::F32, varying: &[true; 5], vectors: None, split: Split::default() },
+                b"m",
+            )
+            .expect("emits")
         };
         assert_eq!(emitted(), emitted());
     }
@@ -288,7 +322,11 @@ fn code_grows_linearly_with_the_graph() {
         })
     };
     let size = |verified: &Verified| {
-        let module = emit(verified, &Options { precision: Precision::F32, varying: &[true], vectors: None }, b"");
+        let module = emit(
+            verified,
+            &Options { precision: Precision::F32, varying: &[true], vectors: None, split: Split::default() },
+            b"",
+        );
         let module = module.expect("emits");
         assert_eq!(module.facts.operations, verified.operations());
         module.bytes.len()
@@ -328,7 +366,10 @@ fn pressure_decides_the_vectors() {
     });
     let cases = [(wide(3), Vectors::Two), (wide(20), Vectors::Two), (wide(80), Vectors::One), (chain, Vectors::Four)];
     for (verified, want) in cases {
-        let plan = Plan::new(&verified, &Options { precision: Precision::F32, varying: &[true], vectors: None });
+        let plan = Plan::new(
+            &verified,
+            &Options { precision: Precision::F32, varying: &[true], vectors: None, split: Split::default() },
+        );
         let plan = plan.expect("plans");
         assert_eq!(plan.vectors(), want);
         assert_eq!(plan.layout().pad, 4 * want as u32);
@@ -344,7 +385,9 @@ fn graphs_that_are_not_ready_are_refused() {
         b.output("y", y);
     });
     let refused = |precision, varying: &[bool]| {
-        Plan::new(&verified, &Options { precision, varying, vectors: None }).map(|_| ()).expect_err("is refused")
+        Plan::new(&verified, &Options { precision, varying, vectors: None, split: Split::default() })
+            .map(|_| ())
+            .expect_err("is refused")
     };
     assert_eq!(refused(Precision::F32, &[true]), EmitError::NoLanes(Op::Sin));
     assert!(matches!(refused(Precision::F64, &[true]), EmitError::Options { .. }));

@@ -2,9 +2,9 @@
 
 #![allow(dead_code, clippy::pedantic, reason = "shared by programs of which each uses a part")]
 
-use isograd_compiler::{Artefact, Column, ColumnType, Manifest, Port, Rate};
+use isograd_compiler::{DerivativeMode, Derivatives, Artefact, Column, ColumnType, Manifest, Port, Rate};
 use isograd_graph::{Builder, Mode, NodeId, Precision, Scalar, Unwatched, verify};
-use isograd_wasm::{Options, Plan, Slot, Vectors};
+use isograd_wasm::{Options, Plan, Slot, Split, Vectors};
 
 /// The artefact of a graph with these inputs varying. Each scalar is a port of its own.
 pub fn artefact(
@@ -16,7 +16,7 @@ pub fn artefact(
     let mut builder = Builder::new(Mode::Real(precision), 1_000_000, &Unwatched);
     build(&mut builder);
     let graph = verify(builder.finish().expect("within budget")).expect("well formed");
-    let plan = Plan::new(&graph, &Options { precision, varying, vectors }).expect("plans");
+    let plan = Plan::new(&graph, &Options { precision, varying, vectors, split: Split::default() }).expect("plans");
     let (layout, facts) = (plan.layout().clone(), plan.facts());
     let module = plan.emit(b"").expect("emits");
     let port = |name: &str, slot: &Slot| {
@@ -47,6 +47,7 @@ pub fn artefact(
         memory: layout.memory,
         operations: facts.operations as u32,
         unbounded: facts.long_loop,
+        derivatives: Derivatives { mode: DerivativeMode::Forward, forward: None, reverse: None },
     };
     Artefact { bytes: module.bytes, manifest, warnings: Vec::new() }
 }

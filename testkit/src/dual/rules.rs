@@ -63,6 +63,10 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
         Op::Div => rounded(run, [real(0), real(1)], quotient(u, v)),
         Op::Neg => linear(run, real(0), -1.0),
         Op::Sqrt => rounded(run, [real(0)], sqrt(u)),
+        Op::InverseSqrt => {
+            let r = 1.0 / u.sqrt();
+            rounded(run, [real(0)], Local::of(r, -0.5 * r / u, 0.75 * r / (u * u)).rough(2.0))
+        }
         Op::Abs => {
             let slope = direction(run, u);
             linear_to(run, real(0), u.abs(), slope)

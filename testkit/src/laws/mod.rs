@@ -12,7 +12,7 @@ mod pipeline;
 use std::fmt;
 use std::ops::AddAssign;
 
-use isograd_graph::{Graph, Value, Verified, verify};
+use isograd_graph::{Graph, Value, Verified, parse, verify};
 
 #[cfg(feature = "run")]
 pub use batches::batches;
@@ -81,12 +81,16 @@ impl std::error::Error for Failure {}
 /// A law's answer.
 pub type Judgement = Result<Count, Failure>;
 
-/// The verifier accepts what a step made.
+/// The verifier accepts what a step made, and its text form reads back.
 ///
 /// # Errors
 /// If it does not.
 pub fn verifier_accepts(step: &'static str, graph: Graph) -> Result<Verified, Failure> {
     let text = isograd_graph::print(&graph);
+    let back = parse(&text).map(|g| isograd_graph::print(&g)).map_err(|e| e.to_string());
+    if back.as_ref() != Ok(&text) {
+        return Err(Failure::new("text_reads_back", text, format!("after `{step}`: {back:?}")));
+    }
     verify(graph).map_err(|e| Failure::new("verifier_accepts", text, format!("after `{step}`: {e}")))
 }
 

@@ -7,13 +7,14 @@ mod wasm;
 
 use std::fmt::Write as _;
 
-use isograd_compiler::{Checked, Diagnostic, MemoryLoader, Options, Precision, Query};
+use isograd_compiler::{Checked, DerivativeMode, Diagnostic, MemoryLoader, Options, Precision, Query};
 use isograd_elaborate::elaborate;
 use isograd_graph::{Evaluator, Graph, Unwatched, Value};
 use isograd_program::typed::Function;
 use isograd_program::{ScalarKind, Type};
 use isograd_testkit::differences::{Estimate, Side, central, one_sided};
-use isograd_transform::{Sweep, Wanted, derive, differentiate, fold, kernels, optimise, schedule};
+pub use isograd_transform::Sweep;
+use isograd_transform::{Wanted, derive, differentiate, fold, kernels, optimise, schedule};
 
 pub use wasm::{Varying, wasm};
 
@@ -82,15 +83,21 @@ pub struct Graphs {
 }
 
 impl Graphs {
-    /// Takes an export through the pipeline by hand.
-    pub fn of(checked: &Checked, name: &str, queries: &[Query], precision: Precision) -> Result<Self, Vec<Diagnostic>> {
+    /// Takes an export through the pipeline by hand, its derivatives with that sweep.
+    pub fn of(
+        checked: &Checked,
+        name: &str,
+        queries: &[Query],
+        precision: Precision,
+        sweep: Sweep,
+    ) -> Result<Self, Vec<Diagnostic>> {
         const NODES: usize = 4_000_000;
         let program = checked.program.as_ref().expect("a program without errors");
         let id = *program.exports.iter().find(|id| program.functions[id.0 as usize].name == name).expect("the export");
         let raw = elaborate(program, id, &options().limits, &Unwatched)?.graph;
         let wanted = wanted(&program.functions[id.0 as usize], queries);
         let derived = derive(&raw, &wanted, NODES, &Unwatched).expect("within the budget");
-        let plain = differentiate(derived, Sweep::Forward, 6, NODES, &Unwatched)
+        let plain = differentiate(derived, sweep, 6, NODES, &Unwatched)
             .map_err(|e| vec![Diagnostic::global(isograd_compiler::Code::E0705, format!("{e:?}"))])?;
         let folded = fold(&plain, precision, NODES, &Unwatched).expect("within the budget");
         let expanded = kernels(&folded, precision, NODES, &Unwatched).expect("within the budget");
@@ -151,7 +158,7 @@ pub fn compile(checked: &Checked, name: &str) -> Result<Vec<Diagnostic>, Vec<Dia
     let function = export(checked, name);
     let mut warnings = Vec::new();
     for precision in [Precision::F32, Precision::F64] {
-        let request = wasm::request(function, &[Query::Value], precision, Varying::All);
+        let request = wasm::request(function, &[Query::Value], precision, DerivativeMode::Auto, Varying::All);
         warnings = isograd_compiler::compile(checked, &request, &options(), &Unwatched)?.warnings;
     }
     Ok(warnings)

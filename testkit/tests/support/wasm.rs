@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-use isograd_compiler::{Checked, ColumnType, Precision, Query, Rate, Request};
+use isograd_compiler::{Checked, ColumnType, DerivativeMode, Precision, Query, Rate, Request};
 use isograd_graph::{Unwatched, Value};
 use isograd_program::typed::Function;
 use isograd_runtime::{EvalOptions, Runtime, Values};
@@ -21,12 +21,18 @@ pub enum Varying {
 }
 
 /// The request for some queries.
-pub fn request(function: &Function, queries: &[Query], precision: Precision, varying: Varying) -> Request {
+pub fn request(
+    function: &Function,
+    queries: &[Query],
+    precision: Precision,
+    mode: DerivativeMode,
+    varying: Varying,
+) -> Request {
     let rates: BTreeMap<String, Rate> = match varying {
         Varying::All => function.params.iter().map(|p| (p.name.clone(), Rate::Varying)).collect(),
         Varying::First => BTreeMap::new(),
     };
-    Request { export: function.name.clone(), queries: queries.to_vec(), precision, rates, ..Request::default() }
+    Request { export: function.name.clone(), queries: queries.to_vec(), precision, mode, rates, ..Request::default() }
 }
 
 /// The flattened outputs of all queries at points, each of which has the values of all inputs.
@@ -35,10 +41,11 @@ pub fn wasm(
     function: &Function,
     queries: &[Query],
     precision: Precision,
+    mode: DerivativeMode,
     varying: Varying,
     points: &[Vec<Value>],
 ) -> Result<Vec<Vec<Value>>, String> {
-    let request = request(function, queries, precision, varying);
+    let request = request(function, queries, precision, mode, varying);
     let artefact = isograd_compiler::compile(checked, &request, &super::options(), &Unwatched);
     let artefact = artefact.map_err(|e| super::listed(&e))?;
     let kernel = RUNTIME.load(&artefact).map_err(|e| e.to_string())?;

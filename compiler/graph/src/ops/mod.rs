@@ -39,6 +39,7 @@ table! {
     Div => real::DIV;
     Neg => real::NEG;
     Sqrt => real::SQRT;
+    InverseSqrt => real::INVERSE_SQRT;
     Abs => real::ABS;
     Min => real::MIN;
     Max => real::MAX;

@@ -111,6 +111,30 @@ pub const SQRT: OpDef = OpDef {
     lowering: Lowering::Lanes { f32x4: "a f32x4.sqrt", f64x2: "a f64x2.sqrt" },
 };
 
+/// An operation of its own, because by the rules of `/` and `√` the slope at the pole would be ∞·0 (LANGUAGE 13.5, 13.6).
+pub const INVERSE_SQRT: OpDef = OpDef {
+    name: "inversesqrt",
+    operands: &[R],
+    result: R,
+    formula: "1 / √a",
+    commutes: false,
+    eval: eval!(|a: Real| -> Real { 1.0 / a.sqrt() }),
+    // −1/(2a√a)
+    derivative: Derivative::Partials(&[rule!(|b, [x], r| {
+        let half = b.real(-0.5);
+        let steep = b.div(r, x);
+        b.mul(half, steep)
+    })]),
+    kink: Kink::None,
+    domain: &[(0.1, 100.0)],
+    accuracy: Accuracy::Exact,
+    cost: 9,
+    lowering: fragment!(|b, [x], _p| {
+        let (one, root) = (b.real(1.0), b.sqrt(x));
+        b.div(one, root)
+    }),
+};
+
 pub const ABS: OpDef = OpDef {
     name: "abs",
     operands: &[R],

@@ -12,7 +12,6 @@ use rustc_hash::FxHashMap;
 use super::{Report, World, tree};
 use crate::{
     Type,
-    names::Kind,
     typed::{Code, DefinitionId, FunctionId, Instruction, Local, Slot},
 };
 
@@ -76,8 +75,8 @@ pub(super) struct Body<'a> {
     faults: Faults,
     /// Names in the text that could not be read.
     skipped: BTreeSet<&'a str>,
-    /// Names already reported as unknown; `None` is a variable.
-    pub unknown: BTreeSet<(Option<Kind>, &'a str)>,
+    /// Variables already reported as unknown.
+    pub unknown: BTreeSet<&'a str>,
     scopes: Vec<FxHashMap<&'a str, Variable>>,
     frames: Vec<Frame>,
     /// Scalars of all types kept in the code, against types that double with each line.

@@ -131,6 +131,7 @@ impl<'a> Body<'a> {
         };
         self.error(
             Diagnostic::new(Code::E0501, self.expr_span(id), format!("the condition of an `if` is `{ty}`, not `bool`"))
+                .here(format!("this is `{ty}`"))
                 .help(help),
         );
     }
@@ -202,7 +203,8 @@ impl<'a> Body<'a> {
     /// `for i in lo..hi { … }`.
     pub fn for_loop(&mut self, counter: &'a Ident, lo: ExprId, hi: ExprId, block: BlockId, span: Span) {
         self.bounds(lo, hi);
-        let head = self.open_loop(FrameKind::Through, &counter.text, counter.span, span);
+        let head_span = Span::new(span.file, span.start, self.expr_span(hi).end);
+        let head = self.open_loop(FrameKind::Through, &counter.text, counter.span, head_span);
         if let Some(slot) = self.counter(head) {
             self.define(&counter.text, counter.span, slot, None);
         }
@@ -248,7 +250,8 @@ impl<'a> Body<'a> {
                 Code::E0504,
                 self.expr_span(id),
                 format!("the {which} bound of a loop is `{ty}`, not `int`"),
-            );
+            )
+            .here(format!("this is `{ty}`"));
             if let Some(mend) = self.mend(id, &ty, &Type::Int) {
                 diagnostic = diagnostic.help(mend);
             }

@@ -203,20 +203,24 @@ impl Body<'_> {
         }
         let rule = rule(builtin);
         let signature = format!("the signature is `{}`", builtin.signature());
-        let fits = match &rule {
-            Rule::Same(n, _) | Rule::ToReal(n, _) => *n == args.len(),
-            Rule::Fixed(forms) => forms.iter().any(|(p, _)| p.len() == args.len()),
-            Rule::Shape(_) => args.len() == 1,
+        let mut counts: Vec<usize> = match &rule {
+            Rule::Same(n, _) | Rule::ToReal(n, _) => vec![*n],
+            Rule::Fixed(forms) => forms.iter().map(|(p, _)| p.len()).collect(),
+            Rule::Shape(_) => vec![1],
         };
-        if !fits && self.unread(args) {
-            return Type::Error;
-        }
-        if !fits {
+        if !counts.contains(&args.len()) {
+            if self.unread(args) {
+                return Type::Error;
+            }
+            counts.sort_unstable();
+            counts.dedup();
+            let most = counts.pop().unwrap_or(0);
+            let fewer: String = counts.iter().map(|n| format!("{n} or ")).collect();
             self.error(
                 Diagnostic::new(
                     Code::E0402,
                     callee.span,
-                    format!("`{}` does not take {}", callee.text, counted(args.len(), "argument")),
+                    format!("`{}` takes {fewer}{}, not {}", callee.text, counted(most, "argument"), args.len()),
                 )
                 .note(signature)
                 .note(LETTERS),

@@ -36,7 +36,7 @@ impl<'a> Body<'a> {
         {
             self.report.mute();
             self.arguments(args);
-            self.subtrees(blocks);
+            self.subtrees(blocks, true);
             return if matches!(found, Callee::Definition(_)) { Type::Csg } else { Type::Error };
         }
         let missing = matches!(found, Lookup::Missing) && !names.may_exist(self.space, &callee.text);
@@ -50,7 +50,7 @@ impl<'a> Body<'a> {
         match found {
             None => {
                 self.arguments(args);
-                self.subtrees(blocks);
+                self.subtrees(blocks, false);
                 Type::Error
             }
             Some(Callee::Definition(id)) => self.node(id, callee, args, blocks, span),
@@ -92,7 +92,7 @@ impl<'a> Body<'a> {
                 .help(help),
         );
         if !matches!(callee, Callee::Definition(_)) {
-            self.subtrees(blocks);
+            self.subtrees(blocks, false);
         }
     }
 
@@ -115,7 +115,7 @@ impl<'a> Body<'a> {
             return self.load(slot, span);
         }
         self.arguments(args);
-        self.subtrees(blocks);
+        self.subtrees(blocks, false);
         if ty != Type::Error {
             self.error(
                 Diagnostic::new(
@@ -159,7 +159,7 @@ impl<'a> Body<'a> {
         self.check_arguments(&definition.params, callee, args, Whose::Definition, &|| {
             format!("the declaration is `{}`", signature(word, &definition.name, &definition.params, None))
         });
-        self.subtrees(blocks);
+        self.subtrees(blocks, definition.operation);
         self.emit(
             Instruction::Node { definition: id, subtrees: u32::try_from(blocks.len()).unwrap_or(u32::MAX) },
             span,
@@ -167,8 +167,9 @@ impl<'a> Body<'a> {
         Type::Csg
     }
 
-    /// The blocks of a scoped call: each yields csg and writes to a copy of outer variables.
-    fn subtrees(&mut self, blocks: &'a [BlockId]) {
+    /// The blocks of a scoped call: each yields csg, if it is one of an operation, and writes to a copy of outer
+    /// variables.
+    fn subtrees(&mut self, blocks: &'a [BlockId], of_operation: bool) {
         for id in blocks {
             let span = self.block_span(*id);
             self.open_frame(FrameKind::Block);
@@ -183,6 +184,7 @@ impl<'a> Body<'a> {
                 *restores = slots;
             }
             match ty {
+                _ if !of_operation => {}
                 Some(Type::Csg | Type::Error) => {}
                 Some(ty) => {
                     let value = super::statements::tail(tree::block(self.tree, *id));
@@ -270,8 +272,9 @@ impl<'a> Body<'a> {
             return Type::Error;
         }
         let place = |code, id: ExprId, message: String, ty: &Type| {
-            let mut diagnostic =
-                Diagnostic::new(code, self.expr_span(id), message).note("a real, a vector or a quaternion is needed");
+            let mut diagnostic = Diagnostic::new(code, self.expr_span(id), message)
+                .here(format!("this is `{ty}`"))
+                .note("a real, a vector or a quaternion is needed");
             match ty {
                 Type::Matrix { .. } | Type::Tuple(_) => {
                     diagnostic = diagnostic.help(format!("take a part of it first: `{}.0`", self.operand_text(id)));
@@ -390,6 +393,7 @@ impl<'a> Body<'a> {
                 if !matches!(ty, Type::Csg | Type::Error) {
                     self.error(
                         Diagnostic::new(Code::E0609, variable.span, format!("`{name}` is `{ty}`, not csg"))
+                            .here(format!("this is `{ty}`"))
                             .label(found.span, "defined here")
                             .help("`eval` interprets a csg variable: `csg tree = …; eval tree.Concept(…)`"),
                     );

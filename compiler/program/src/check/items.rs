@@ -17,7 +17,7 @@ use super::{
 use crate::{
     Type,
     load::Module,
-    names::{self, Callee, Lookup, Place, Repeated},
+    names::{self, Callee, Lookup, Other, Place, Repeated},
     typed::{self, Concept, ConceptId, Definition, DefinitionId, Function, FunctionId, Impl, ImplId, Param},
 };
 
@@ -150,8 +150,11 @@ fn function(world: &World, tree: &Tree, item: &Item, library: bool, report: &mut
         None => Type::Error,
     };
     if export && result_type == Type::Csg {
-        let span = result.map_or(name.span, |r| tree::type_expr(tree, r).span);
-        report.push(csg_in_export(span, format!("the result of the export `{}` is csg", name.text)));
+        let message = format!("the result of the export `{}` is csg", name.text);
+        report.push(match result {
+            Some(result) => csg_in_export(tree::type_expr(tree, *result).span, message),
+            None => csg_in_export(name.span, message).here("without `-> type` the result is csg"),
+        });
     }
     Function {
         name: name.text.clone(),
@@ -242,7 +245,7 @@ fn attributes(modules: &[Module], place: Place, report: &mut Report) {
 fn unify(world: &mut World, report: &mut Report) {
     for Repeated { name, own, others } in world.names.repeated_concepts() {
         let mut chosen: Option<ConceptId> = None;
-        for (space, other) in others {
+        for Other { space, id: other, in_reach } in others {
             let get = |id: ConceptId| world.program.concepts.get(id.0 as usize);
             let (Some(ours), Some(theirs)) = (get(own), get(other)) else { continue };
             let library = world.names.library(space).unwrap_or("");
@@ -252,6 +255,9 @@ fn unify(world: &mut World, report: &mut Report) {
                 continue;
             }
             if ours.source != theirs.source || ours.target != theirs.target {
+                if !in_reach {
+                    continue;
+                }
                 let message = format!("the concept `{name}` differs from the one of the library `{library}`");
                 report.push(
                     Diagnostic::new(Code::E0305, ours.span, message)
@@ -476,18 +482,15 @@ fn sources(concept: &Concept, name: &Ident, args: &[Ident], report: &mut Report)
         source => format!("1 argument of type `{source}`"),
     };
     let message = format!("an impl for `{}` names {expected}; this one names {}", concept.name, args.len());
-    report.push(
-        Diagnostic::new(Code::E0611, args.first().map_or(name.span, |a| a.span), message)
-            .label(concept.span, "the concept")
-            .help(format!(
-                "write `impl … for {}{}`",
-                concept.name,
-                match &concept.source {
-                    Type::Tuple(elements) if elements.is_empty() => "",
-                    _ => "(p)",
-                }
-            )),
-    );
+    let place = args.first().zip(args.last()).map_or(name.span, |(first, last)| first.span.to(last.span));
+    report.push(Diagnostic::new(Code::E0611, place, message).label(concept.span, "the concept").help(format!(
+        "write `impl … for {}{}`",
+        concept.name,
+        match &concept.source {
+            Type::Tuple(elements) if elements.is_empty() => "",
+            _ => "(p)",
+        }
+    )));
     vec![Type::Error; args.len()]
 }
 

@@ -72,7 +72,7 @@ fn mark_body(
             *live = false;
             report.push(
                 Diagnostic::new(Error::W0601, *span, "the value of this `eval` is not used")
-                    .note("it is checked, but not specialised: impls needed only here need not exist")
+                    .note("it is left out of the compiled program, so impls that only it needs may be missing")
                     .help("use the value, or remove the `eval`"),
             );
         }

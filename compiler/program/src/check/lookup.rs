@@ -9,7 +9,7 @@ use isograd_syntax::{
 use super::{Report, World, body::Body, messages::alternatives, tree};
 use crate::{
     Type,
-    names::{Callee, Kind, Lookup, builtin_names, item},
+    names::{Callee, Kind, Lookup, Rival, builtin_names, item},
     suggest::similar,
     typed::{ConceptId, DefinitionId},
 };
@@ -31,7 +31,7 @@ impl<'a> World<'a> {
         match found {
             Lookup::Found(id) => Some(id),
             Lookup::Ambiguous(libraries) => {
-                report.push(ambiguous(name, &libraries));
+                report.push_unknown((space, kind, &name.text), name.span, |_| ambiguous(name, &libraries));
                 None
             }
             Lookup::Missing if self.names.may_exist(space, &name.text) => {
@@ -39,7 +39,9 @@ impl<'a> World<'a> {
                 None
             }
             Lookup::Missing => {
-                report.push(self.missing(space, name, kind, report.is_worth_it()));
+                report.push_unknown((space, kind, &name.text), name.span, |suggest| {
+                    self.missing(space, name, kind, suggest)
+                });
                 None
             }
         }
@@ -53,7 +55,8 @@ impl<'a> World<'a> {
             Kind::Function => "function, entity or operation",
         };
         let text = &name.text;
-        let mut diagnostic = Diagnostic::new(Code::E0301, name.span, format!("there is no {what} `{text}`"));
+        let mut diagnostic = Diagnostic::new(Code::E0301, name.span, format!("there is no {what} `{text}`"))
+            .here("neither declared nor imported");
         if let Some(other) = self.other_kind(space, text, kind) {
             diagnostic = diagnostic.note(format!("`{text}` is {other}"));
         }
@@ -116,7 +119,7 @@ impl<'a> Body<'a> {
 
     /// E0301 or E0303 for a name that is no variable, once in a body.
     pub fn unknown_variable(&mut self, name: &'a str, span: Span, purpose: &str) {
-        if self.may_be_variable(name) || !self.unknown.insert((None, name)) {
+        if self.may_be_variable(name) || !self.unknown.insert(name) {
             self.report.mute();
             return;
         }
@@ -134,14 +137,16 @@ impl<'a> Body<'a> {
             && near.is_empty()
         {
             let help = if definition { "build a node with" } else { "call it:" };
-            self.error(
-                Diagnostic::new(Code::E0303, span, format!("`{name}` is {what}, not a variable"))
-                    .help(format!("{help} `{name}(…)`")),
-            );
+            let mut diagnostic = Diagnostic::new(Code::E0303, span, format!("`{name}` is {what}, not a variable"));
+            if let Some((declared, _)) = self.function_named(name) {
+                diagnostic = diagnostic.label(declared, "declared here");
+            }
+            self.error(diagnostic.help(format!("{help} `{name}(…)`")));
             return;
         }
         let purpose = if purpose.is_empty() { String::new() } else { format!(" {purpose}") };
-        let mut diagnostic = Diagnostic::new(Code::E0301, span, format!("there is no variable `{name}`{purpose}"));
+        let mut diagnostic = Diagnostic::new(Code::E0301, span, format!("there is no variable `{name}`{purpose}"))
+            .here("no variable of this name is in scope");
         if concept() {
             diagnostic = diagnostic.note(format!("`{name}` is a concept"));
         }
@@ -151,37 +156,14 @@ impl<'a> Body<'a> {
         self.error(diagnostic);
     }
 
-    /// What a call calls, or a report, once in a body.
+    /// What a call calls, or a report.
     pub fn callee(&mut self, name: &'a Ident) -> Option<Callee> {
-        match self.world.names.callee(self.space, &name.text) {
-            Lookup::Found(callee) => Some(callee),
-            Lookup::Missing if self.world.names.may_exist(self.space, &name.text) => {
-                self.report.mute();
-                None
-            }
-            Lookup::Ambiguous(libraries) => {
-                if self.unknown.insert((Some(Kind::Function), &name.text)) {
-                    self.error(ambiguous(name, &libraries));
-                }
-                None
-            }
-            Lookup::Missing => {
-                if self.unknown.insert((Some(Kind::Function), &name.text)) {
-                    let suggest = self.report.is_worth_it();
-                    let diagnostic = self.world.missing(self.space, name, Kind::Function, suggest);
-                    self.error(diagnostic);
-                }
-                None
-            }
-        }
+        let found = self.world.names.callee(self.space, &name.text);
+        self.world.found(found, self.space, name, Kind::Function, self.report)
     }
 
-    /// The concept of an `eval`, or a report, once in a body.
+    /// The concept of an `eval`, or a report.
     pub fn concept(&mut self, name: &'a Ident) -> Option<ConceptId> {
-        let missing = !matches!(self.world.names.concept(self.space, &name.text), Lookup::Found(_));
-        if missing && !self.unknown.insert((Some(Kind::Concept), &name.text)) {
-            return None;
-        }
         self.world.concept(self.space, name, self.report)
     }
 
@@ -195,12 +177,14 @@ impl<'a> Body<'a> {
     }
 }
 
-fn ambiguous(name: &Ident, libraries: &[String]) -> Diagnostic {
-    let quoted: Vec<&str> = libraries.iter().map(String::as_str).collect();
-    Diagnostic::new(
-        Code::E0304,
-        name.span,
-        format!("`{}` is declared by several libraries: {}", name.text, quoted.join(", ")),
-    )
-    .help("import only one of them, or declare the name in the program itself")
+fn ambiguous(name: &Ident, rivals: &[Rival]) -> Diagnostic {
+    let libraries: Vec<&str> = rivals.iter().map(|r| r.library.as_str()).collect();
+    let message = format!("`{}` is declared by several libraries: {}", name.text, libraries.join(", "));
+    let mut diagnostic = Diagnostic::new(Code::E0304, name.span, message).here("means which of them?");
+    for Rival { library, declared } in rivals {
+        if let Some(declared) = declared {
+            diagnostic = diagnostic.label(*declared, format!("declared by `{library}`"));
+        }
+    }
+    diagnostic.help("import only one of them, or declare the name in the program itself")
 }

@@ -159,13 +159,23 @@ impl Body<'_> {
             _ => return None,
         };
         let message = format!("the shapes of `{left_type}` and `{right_type}` do not fit a product");
-        Some(
-            Diagnostic::new(Code::E0404, op_span, message)
-                .label(self.expr_span(left), format!("this is `{left_type}`"))
-                .label(self.expr_span(right), format!("this is `{right_type}`"))
-                .note(rule)
-                .note("`matWxH` has W columns of H rows; `[a, b]` of vectors lists columns"),
-        )
+        let diagnostic = Diagnostic::new(Code::E0404, op_span, message)
+            .label(self.expr_span(left), format!("this is `{left_type}`"))
+            .label(self.expr_span(right), format!("this is `{right_type}`"))
+            .note(rule)
+            .note("`matWxH` has W columns of H rows; `[a, b]` of vectors lists columns");
+        let exchanged = match (left_type.ends(), right_type.ends()) {
+            (Type::Matrix { columns, .. }, Type::Matrix { rows: n, .. })
+            | (Type::Matrix { rows: columns, .. }, Type::Vector(n))
+            | (Type::Vector(n), Type::Matrix { columns, .. }) => columns == n,
+            _ => false,
+        };
+        Some(if exchanged {
+            let (left, right) = (self.operand_text(left), self.operand_text(right));
+            diagnostic.help(format!("the other way round they fit: `{right} * {left}`"))
+        } else {
+            diagnostic
+        })
     }
 
     fn way_out(

@@ -204,6 +204,10 @@ impl<'a> Body<'a> {
             return;
         }
         if old == Type::Error || new == Type::Error || old == new {
+            if new == Type::Error {
+                // What the variable holds now is unknown, so later uses are not judged.
+                self.poison(variable.slot);
+            }
             self.emit(Instruction::Store(variable.slot), span);
             self.written(variable.slot);
             return;

@@ -47,9 +47,6 @@ struct Abort;
 
 type Parse<T> = Result<T, Abort>;
 
-/// Nesting above this would need more than the 2 MiB of stack that a thread has by default.
-const NESTING_CEILING: u64 = 512;
-
 struct Parser<'a> {
     file: FileId,
     text: &'a str,
@@ -109,7 +106,7 @@ impl<'a> Parser<'a> {
             capacity: usize::try_from(limits.diagnostics).unwrap_or(usize::MAX),
             scanned: 0,
             quiet_at: None,
-            nesting: limits.nesting.min(NESTING_CEILING),
+            nesting: limits.nesting.min(Limits::most("nesting")),
             depth: 0,
             too_deep: false,
             heads: 0,
@@ -416,6 +413,8 @@ impl<'a> Parser<'a> {
                     match written.chars().next() {
                         Some('&' | '|') => diagnostic.help("the logical operators are `&&` and `||`"),
                         Some('"' | '\'') => diagnostic.note("there are no strings or characters in Vola"),
+                        Some('^') => diagnostic.help("`pow(a, b)` raises to a power"),
+                        Some('?') => diagnostic.help("choose with `if condition { a } else { b }`"),
                         _ => diagnostic.help("remove it"),
                     }
                 }
@@ -441,7 +440,11 @@ impl<'a> Parser<'a> {
             Diagnostic::new(Code::E1004, p.span(token), format!("nested more than {limit} deep"))
                 .here("this is the first that is too deep")
                 .note(format!("brackets, blocks and prefix operators inside each other: limit `nesting`, {limit}"))
-                .help("give inner parts names with `let` or move them to functions, or raise the limit `nesting`")
+                .help(if limit < Limits::most("nesting") {
+                    "give inner parts names with `let` or move them to functions, or raise the limit `nesting`"
+                } else {
+                    "give inner parts names with `let` or move them to functions"
+                })
         });
     }
 
@@ -474,8 +477,15 @@ impl<'a> Parser<'a> {
         self.quiet_at = Some(found.start);
         let hint = self.hint(found);
         self.report(|p| {
-            let message = format!("expected {expected}, found {}", p.describe(found));
-            let diagnostic = Diagnostic::new(Code::E0201, p.place(found), message).here(format!("expected {expected}"));
+            let described = p.describe(found);
+            let message = format!("expected {expected}, found {described}");
+            let ends_line = p.text.get(p.previous.end..found.start).is_some_and(|between| between.contains('\n'));
+            let forgotten = ends_line && found.kind != K::End && matches!(expected.get(..3), Some("`;`" | "`,`"));
+            let place = if forgotten { p.range(p.previous.end, p.previous.end) } else { p.place(found) };
+            let mut diagnostic = Diagnostic::new(Code::E0201, place, message).here(format!("expected {expected}"));
+            if forgotten {
+                diagnostic = diagnostic.label(p.span(found), format!("found {described}"));
+            }
             match hint {
                 Some(hint) => diagnostic.help(hint),
                 None => diagnostic,

@@ -92,10 +92,26 @@ impl Parser<'_> {
     /// `let x = e;` or `csg x = e;`
     fn bind(&mut self, start: Token) -> Parse<StmtKind> {
         self.bump();
-        let name = self.name("a name", &[K::Assign])?;
+        let name = match self.name("a name", &[K::Assign]) {
+            Ok(name) => name,
+            Err(Abort) => return self.bind_nothing(),
+        };
         self.expect(K::Assign)?;
         let value = self.value();
         Ok(StmtKind::Bind { csg: start.kind == K::Csg, name, value })
+    }
+
+    /// `let ; = e;`: what stands in place of the name has been reported, and the value is read for its own errors.
+    fn bind_nothing(&mut self) -> Parse<StmtKind> {
+        if self.peek(1).kind != K::Assign {
+            return Err(Abort);
+        }
+        let start = self.bump();
+        self.bump();
+        let value = self.value();
+        self.give_up(start);
+        let span = self.expr_span(value);
+        Ok(StmtKind::Expr(self.push_expr(ExprKind::Partial(value), span)))
     }
 
     /// `for i in lo..hi { … }`

@@ -10,15 +10,18 @@ mod activity;
 mod forward;
 mod reverse;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use isograd_graph::{Exhausted, Graph, Node, NodeId, Origin, Watch};
+use isograd_graph::{Exhausted, Graph, Node, NodeId, Origin, Scalar, Watch};
 
 use crate::live::live;
 
 /// Seeds of one sweep: bits of a word.
 const BATCH: usize = 64;
+
+/// How many `diff`s are tried to find one that depends on itself, for a message.
+const TRIED: usize = 16;
 
 /// Why a graph cannot be differentiated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,7 +29,12 @@ pub enum DifferentiateError {
     /// Out of budget.
     Exhausted(Exhausted),
     /// A `diff` in a loop depends, through carried variables, on itself (LANGUAGE 13.4).
-    Growing(Origin),
+    Growing {
+        /// The `diff`.
+        diff: Origin,
+        /// One of the variables.
+        carried: Option<Origin>,
+    },
     /// A `diff` inside more others than allowed.
     Order(Origin),
 }
@@ -35,7 +43,7 @@ impl fmt::Display for DifferentiateError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Exhausted(why) => why.fmt(f),
-            Self::Growing(_) => f.write_str("the order of a derivative grows with the trip count of its loop"),
+            Self::Growing { .. } => f.write_str("the order of a derivative grows with the trip count of its loop"),
             Self::Order(_) => f.write_str("derivatives are nested too deeply"),
         }
     }
@@ -91,7 +99,7 @@ pub fn differentiate(
         let diffs: Vec<Diff> = diffs(&graph).filter(|d| live.get(d.node.index()).copied().unwrap_or(false)).collect();
         let Some(first) = diffs.first() else { return Ok(graph) };
         if sweep == Sweep::Reverse
-            && let Some((activity, ready)) = reversible(&graph, &diffs)
+            && let Some((activity, ready)) = reversible(&graph, &diffs, |values, seeds| values < seeds)
         {
             let before = Orders { old: &orders, new: Vec::new() };
             (graph, orders) = reverse::expand(&graph, &activity, &ready, &live, before, max_nodes, watch)?;
@@ -111,17 +119,58 @@ pub fn differentiate(
             break;
         }
         if !progress {
-            return Err(DifferentiateError::Growing(graph.origin(first.node)));
+            return Err(growing(&graph, &diffs, *first));
         }
     }
 }
 
-/// Whether [`Sweep::Reverse`] does anything else than [`Sweep::Forward`] for this graph.
+/// The first of these `diff`s that depends on its own result, with a carried variable on the way to it. Without the
+/// variable, and of `first`, if none of those that are tried is found to.
+fn growing(graph: &Graph, diffs: &[Diff], first: Diff) -> DifferentiateError {
+    let finals = graph.iter().filter_map(|(_, node)| match node {
+        Node::Final { carried, next, .. } => Some((carried, next)),
+        _ => None,
+    });
+    let next_of: BTreeMap<NodeId, NodeId> = finals.collect();
+    let cycle = diffs.iter().take(TRIED).find_map(|d| Some((d, carried_result(graph, &next_of, d)?)));
+    let (diff, carried) = cycle.map_or((&first, None), |(d, carried)| (d, Some(graph.origin(carried))));
+    DifferentiateError::Growing { diff: graph.origin(diff.node), carried }
+}
+
+/// The carried variable through which the result of a `diff` comes back to what it differentiates.
+fn carried_result(graph: &Graph, next_of: &BTreeMap<NodeId, NodeId>, diff: &Diff) -> Option<NodeId> {
+    // Against the dependences: for each node found, the one it was found from.
+    let mut from: BTreeMap<NodeId, NodeId> = BTreeMap::from([(diff.value, NodeId::NONE)]);
+    let mut open = vec![diff.value];
+    while let Some(at) = open.pop() {
+        if at == diff.node {
+            let user = |id: &NodeId| from.get(id).copied();
+            let path = std::iter::successors(Some(at), user).zip(std::iter::successors(user(&at), user));
+            return path.filter(|(x, user)| next_of.get(user) == Some(x)).map(|(_, user)| user).next();
+        }
+        let mut visit = |x: NodeId| {
+            if graph.scalar(x) == Scalar::Real && !from.contains_key(&x) {
+                from.insert(x, at);
+                open.push(x);
+            }
+        };
+        match graph.get(at) {
+            Some(Node::Diff { value, .. }) => visit(value),
+            Some(node) => node.each_operand(&mut visit),
+            None => {}
+        }
+        next_of.get(&at).into_iter().for_each(|next| visit(*next));
+    }
+    None
+}
+
+/// Whether [`Sweep::Reverse`] may pay for this graph: whether some values are differentiated by at least four times as
+/// many. A walk back costs about as much as three or four tangents.
 #[must_use]
-pub fn reverses(graph: &Graph) -> bool {
+pub fn reverse_is_plausible(graph: &Graph) -> bool {
     let live = live(graph);
     let diffs: Vec<Diff> = diffs(graph).filter(|d| live.get(d.node.index()).copied().unwrap_or(false)).collect();
-    reversible(graph, &diffs).is_some()
+    reversible(graph, &diffs, |values, seeds| values.saturating_mul(4) <= seeds).is_some()
 }
 
 fn diffs(graph: &Graph) -> impl Iterator<Item = Diff> {
@@ -154,9 +203,13 @@ pub fn active_diffs(graph: &Graph, watch: &dyn Watch) -> BTreeSet<NodeId> {
     active
 }
 
-/// The `diff`s that one walk each for their distinct values expands, if these are fewer than the distinct seeds. They
-/// stand in the outermost region, and not at the end of a loop, whose Jacobian is made forward.
-fn reversible<'g>(graph: &'g Graph, diffs: &[Diff]) -> Option<(activity::Activity<'g>, Vec<Diff>)> {
+/// The `diff`s that one walk each for their distinct values expands, if their numbers of distinct values and seeds are
+/// worth it. They stand in the outermost region, and not at the end of a loop, whose Jacobian is made forward.
+fn reversible<'g>(
+    graph: &'g Graph,
+    diffs: &[Diff],
+    worth_it: impl Fn(usize, usize) -> bool,
+) -> Option<(activity::Activity<'g>, Vec<Diff>)> {
     let mut depth = 0_usize;
     let outermost = graph.iter().filter(|(_, node)| {
         match node {
@@ -174,8 +227,8 @@ fn reversible<'g>(graph: &'g Graph, diffs: &[Diff]) -> Option<(activity::Activit
     let seeds: Vec<NodeId> = distinct(|d| d.wrt, &ready).into_iter().collect();
     let activity = activity::Activity::together(graph, &seeds);
     ready.retain(|d| activity.ready(d));
-    let fewer = distinct(|d| d.value, &ready).len() < distinct(|d| d.wrt, &ready).len();
-    fewer.then_some((activity, ready))
+    let (values, seeds) = (distinct(|d| d.value, &ready).len(), distinct(|d| d.wrt, &ready).len());
+    (values > 0 && worth_it(values, seeds)).then_some((activity, ready))
 }
 
 /// Calls `visit` with each live node, structures as a whole.

@@ -5,7 +5,7 @@
 use std::sync::OnceLock;
 
 use isograd_graph::{Builder, Evaluator, Mode, Precision, Scalar, Unwatched, Value, Verified, verify};
-use isograd_wasm::{Layout, Module, Options, Slot, Vectors, emit};
+use isograd_wasm::{Layout, Module, Options, Slot, Split, Vectors, emit};
 use wasmtime::{Config, Engine, Instance, Memory, OptLevel, Store, TypedFunc};
 
 pub const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
@@ -157,17 +157,25 @@ impl Running {
     }
 }
 
-/// Compares module and evaluator on the points, with these inputs varying, for every number of vectors.
+/// Cuts everything into functions of a few operations, and calls into chunks of 16 points.
+pub const TINY: Split = Split { above: 0, most: 4, points: 16 };
+
+/// Compares module and evaluator on the points, with these inputs varying, for every number of vectors, in one function
+/// and cut.
 pub fn compare(graph: &Verified, varying: &[bool], points: &[Vec<Value>]) {
     let precision = graph.precision.expect("a precision");
     for vectors in VECTORS {
-        let options = Options { precision, varying, vectors };
-        let module = emit(graph, &options, b"{}").expect("emits");
-        if let Err(error) = wasmparser::validate(&module.bytes) {
-            panic!("{error} with {vectors:?}, varying {varying:?}\n{}", isograd_graph::print(graph));
-        }
-        for level in [OptLevel::None, OptLevel::Speed] {
-            compare_module(graph, &module, level, points);
+        for split in [Split::NEVER, TINY, Split { most: 12, ..TINY }] {
+            let options = Options { precision, varying, vectors, split };
+            let module = emit(graph, &options, b"{}").expect("emits");
+            if let Err(error) = wasmparser::validate(&module.bytes) {
+                panic!("{error} with {vectors:?}, {split:?}, varying {varying:?}\n{}", isograd_graph::print(graph));
+            }
+            let levels: &[OptLevel] =
+                if split == Split::NEVER { &[OptLevel::None, OptLevel::Speed] } else { &[OptLevel::None] };
+            for level in levels {
+                compare_module(graph, &module, *level, points);
+            }
         }
     }
 }

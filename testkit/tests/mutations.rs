@@ -6,6 +6,8 @@ use std::path::Path;
 
 use isograd_compiler::{Diagnostic, Limits, MemoryLoader, Options, Unwatched, check, inspect, render};
 use isograd_syntax::lexer::{Lexer, TokenKind};
+use isograd_testkit::corpus;
+use isograd_testkit::points::Random;
 
 /// Mutations of all programs together.
 const MUTATIONS: usize = 3_000;
@@ -15,52 +17,6 @@ const AVERAGE: f64 = 1.12;
 
 /// Errors of the worst mutation: a name that is used in several bodies is unknown in each of them.
 const WORST: usize = 6;
-
-/// Valid programs: the examples and the cases of the language tests that expect results.
-fn corpus() -> Vec<String> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let mut programs = Vec::new();
-    for folder in ["examples", "examples/thesis"] {
-        for path in files(&root.join(folder), "vola") {
-            programs.push(fs::read_to_string(path).unwrap());
-        }
-    }
-    let folder = root.join("testkit/tests/language");
-    for path in files(&folder, "cases") {
-        let text = fs::read_to_string(path).unwrap();
-        let mut parts = text.split("//# ");
-        let mut preamble = String::new();
-        for line in parts.next().unwrap_or("").lines() {
-            preamble += &match line.strip_prefix("//+ ") {
-                Some(included) => fs::read_to_string(folder.join(included)).unwrap(),
-                None => format!("{line}\n"),
-            };
-        }
-        let valid =
-            parts.filter(|case| case.contains("\n//= ") && !case.contains("\n//! E") && !case.contains("\n//?"));
-        programs.extend(valid.map(|case| format!("{preamble}// {case}")));
-    }
-    programs
-}
-
-fn files(folder: &Path, extension: &str) -> Vec<std::path::PathBuf> {
-    let mut found: Vec<_> = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
-    found.retain(|p| p.extension().is_some_and(|e| e == extension));
-    found.sort();
-    found
-}
-
-/// xorshift64* (Vigna 2016).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) as usize % n
-    }
-}
 
 /// Ranges of the tokens after `from`.
 fn tokens(text: &str, from: usize) -> Vec<(usize, usize)> {
@@ -77,10 +33,9 @@ fn tokens(text: &str, from: usize) -> Vec<(usize, usize)> {
     }
 }
 
-fn mutate(text: &str, random: &mut Random) -> String {
-    // The preamble of the cases is the same everywhere; most of what is mutated should be the case itself.
-    let own = text.find("\n// ").filter(|_| random.below(4) > 0).unwrap_or(0);
-    let all = tokens(text, own);
+/// `before` bytes of the text are the same in many programs; most of what is mutated should be the program itself.
+fn mutate(text: &str, before: usize, random: &mut Random) -> String {
+    let all = tokens(text, if random.chance(75) { before } else { 0 });
     let (start, end) = all[random.below(all.len())];
     let token = &text[start..end];
     let (other_start, other_end) = all[random.below(all.len())];
@@ -108,17 +63,17 @@ fn errors(text: &str) -> (Vec<Diagnostic>, String) {
 
 #[test]
 fn one_wrong_token_makes_about_one_error() {
-    let corpus = corpus();
-    assert!(corpus.len() > 50, "{} programs", corpus.len());
-    let mut random = Random(0x9E37_79B9_7F4A_7C15);
+    let cases = corpus::language().into_iter().map(|case| (case.program(), case.before.len()));
+    let examples = corpus::folder("examples").into_iter().map(|(_, text)| (text, 0));
+    // Which of them must be valid is the business of the language tests.
+    let corpus: Vec<(String, usize)> = examples.chain(cases).filter(|(p, _)| errors(p).0.is_empty()).collect();
+    assert!(corpus.len() > 200, "{} programs", corpus.len());
+    let mut random = Random::new(2026);
     let (mut mutations, mut total) = (0_usize, 0_usize);
     let mut worst: Vec<(usize, String)> = Vec::new();
     for round in 0..MUTATIONS {
-        let program = &corpus[round % corpus.len()];
-        if round < corpus.len() && !errors(program).0.is_empty() {
-            panic!("not valid:\n{}", errors(program).1);
-        }
-        let mutated = mutate(program, &mut random);
+        let (program, before) = &corpus[round % corpus.len()];
+        let mutated = mutate(program, *before, &mut random);
         let (found, shown) = errors(&mutated);
         if found.is_empty() {
             continue;
