@@ -12,7 +12,6 @@ pub enum Step {
     Add(usize, usize),
     Sub(usize, usize),
     Mul(usize, usize),
-    Div(usize, usize),
     Min(usize, usize),
     Max(usize, usize),
     Neg(usize),
@@ -183,7 +182,6 @@ impl Steps {
                 Step::Add(a, b) => format!("{} + {}", name(a), name(b)),
                 Step::Sub(a, b) => format!("{} - {}", name(a), name(b)),
                 Step::Mul(a, b) => format!("{} * {}", name(a), name(b)),
-                Step::Div(a, b) => format!("{} / {}", name(a), name(b)),
                 Step::Min(a, b) => format!("min({}, {})", name(a), name(b)),
                 Step::Max(a, b) => format!("max({}, {})", name(a), name(b)),
                 Step::Neg(a) => format!("-{}", name(a)),
@@ -386,9 +384,7 @@ mod tests {
             match *step {
                 Step::Axis(_) | Step::Constant(_) => {}
                 Step::Neg(a) | Step::Abs(a) | Step::Sqrt(a) => mark(a),
-                Step::Add(a, b) | Step::Sub(a, b) | Step::Mul(a, b) | Step::Div(a, b) => {
-                    [a, b].into_iter().for_each(&mut mark)
-                }
+                Step::Add(a, b) | Step::Sub(a, b) | Step::Mul(a, b) => [a, b].into_iter().for_each(&mut mark),
                 Step::Min(a, b) | Step::Max(a, b) => [a, b].into_iter().for_each(&mut mark),
             }
         }

@@ -7,6 +7,9 @@ use isograd_graph::{Scalar, Value, Verified};
 use isograd_wasm::{Layout, Options, Slot, Split, Vectors, emit};
 use wasmtime::{Config, Engine, Instance, Memory, Module, OptLevel, Store, TypedFunc};
 
+/// Cuts everything into functions of a few operations, which a call runs over chunks of 16 points.
+pub const TINY: Split = Split { above: 0, most: 8, points: 16 };
+
 /// A module that runs.
 pub struct Machine {
     layout: Layout,
@@ -24,10 +27,10 @@ impl Machine {
     ///
     /// # Errors
     /// If one of these fails, or the module imports something.
-    pub fn new(graph: &Verified, varying: &[bool], vectors: Option<Vectors>) -> Result<Self, Broken> {
+    pub fn new(graph: &Verified, varying: &[bool], vectors: Option<Vectors>, split: Split) -> Result<Self, Broken> {
         let precision = graph.precision.ok_or_else(|| Broken("the graph has no precision".into()))?;
         let broken = |e: &dyn std::fmt::Display| Broken(e.to_string());
-        let module = emit(graph, &Options { precision, varying, vectors, split: Split::default() }, b"")
+        let module = emit(graph, &Options { precision, varying, vectors, split }, b"")
             .map_err(|e| broken(&e))?;
         let compiled = Module::new(engine(), &module.bytes).map_err(|e| broken(&format!("{e:#}")))?;
         if compiled.imports().count() > 0 {

@@ -77,6 +77,8 @@ fn a_deep_tree() {
     let error = failure(&format!("{items}{}", example(ONE, &deeper)), &Limits::default());
     assert_eq!(error.code, Code::E1005);
     assert!(error.message.contains("1000"), "{error:?}");
+    let path = "Add → Inc → Add → Inc → … 993 more … → Inc → Add → Inc → Line";
+    assert!(error.notes.iter().any(|n| n.contains(path)), "{:?}", error.notes);
 }
 
 #[test]
@@ -87,6 +89,8 @@ fn impls_inside_each_other_are_limited() {
     assert_eq!(run(&fits, &[2.0]), [2.0]);
     let error = failure(&format!("{items}{}", example(ONE, &body(510))), &Limits::default());
     assert_eq!(error.code, Code::E1005);
+    let what = "inside each other are 500 impls, 501 branches and loops; 500 of them are the impl of `Wrap` for `D`";
+    assert!(error.notes.iter().any(|n| n == what), "{:?}", error.notes);
 }
 
 #[test]

@@ -64,7 +64,7 @@ fn malformed_programs_are_answered() {
             Ok(_) => panic!("elaborated: {case:?}"),
             Err(diagnostics) => {
                 let codes: Vec<_> = diagnostics.iter().map(|d| d.code).collect();
-                let expected = [DiagnosticCode::E1102, DiagnosticCode::E1005];
+                let expected = [DiagnosticCode::E1103, DiagnosticCode::E1005];
                 assert!(codes.len() == 1 && expected.contains(&codes[0]), "{case:?}: {diagnostics:?}");
             }
         }

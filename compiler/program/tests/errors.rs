@@ -370,6 +370,20 @@ fn one_error_causes_no_others() {
 }
 
 #[test]
+fn an_unknown_global_name_is_reported_once_with_the_number_of_its_uses() {
+    let text = "
+        fn g(x: real) -> real { hum(x) + hum(x) }
+        fn h(x: real) -> real { hum(x) + hun(x) }";
+    let (loaded, checked) = check_text(text);
+    assert_eq!(codes(&loaded, &checked), "E0301 E0301");
+    let [hum, hun] = checked.diagnostics.as_slice() else { panic!() };
+    assert_eq!(hum.labels[0].span.start as usize, text.find("hum").unwrap());
+    assert_eq!(hum.notes, ["it is used in 2 more places"]);
+    assert_eq!(hun.notes, [""; 0]);
+    assert!(checked.program.unsound.functions.len() == 2, "both functions have an error");
+}
+
+#[test]
 fn names_are_reported_beside_type_errors_in_source_order() {
     let text = "
         fn a(x: real) -> real { x + 1 }

@@ -70,11 +70,11 @@ pub fn split<'p>(
     let Some(first) = planned.first() else { return Ok((Vec::new(), Vec::new())) };
     let mut emitter = Emitter::new(common, first);
     emitter.kept = Some((segments, scratch));
-    let eval = emitter.driver(segments, scratch)?;
+    let eval = emitter.driver(segments.once, planned.len(), scratch)?;
     let mut parts = Vec::with_capacity(planned.len());
-    for (planned, part) in planned.iter().zip(&segments.parts) {
+    for (number, planned) in planned.iter().enumerate() {
         emitter.begin(planned, 1);
-        if part.once {
+        if number < segments.once {
             emitter.items(0..planned.order.items.len())?;
             parts.push(emitter.finish(0)?);
             continue;
@@ -156,13 +156,13 @@ impl<'p> Emitter<'p> {
         self.code.sink().local_get(COUNT).i32_const(bytes).i32_mul().local_set(COUNT);
     }
 
-    /// The body of an `eval` that runs all parts over a chunk of points before it goes on to the next.
-    fn driver(&mut self, segments: &Segments, scratch: Scratch) -> Result<Vec<u8>, EmitError> {
+    /// The body of an `eval` that runs some parts once, and all others over a chunk of points before it goes on to the
+    /// next.
+    fn driver(&mut self, once: usize, parts: usize, scratch: Scratch) -> Result<Vec<u8>, EmitError> {
         /// The end of the chunk.
         const UNTIL: u32 = 2;
         self.check_count();
-        let parts = || (PARTS..).zip(&segments.parts);
-        for (function, _) in parts().filter(|(_, part)| part.once) {
+        for (function, _) in (PARTS..).zip(0..once) {
             self.code.sink().call(function);
         }
         self.count_bytes();
@@ -170,7 +170,7 @@ impl<'p> Emitter<'p> {
         self.code.sink().loop_(BlockType::Empty);
         self.code.sink().local_get(COUNT).local_get(AT).i32_const(chunk).i32_add().local_tee(UNTIL);
         self.code.sink().local_get(COUNT).local_get(UNTIL).i32_lt_u().select().local_set(UNTIL);
-        for (function, _) in parts().filter(|(_, part)| !part.once) {
+        for (function, _) in (PARTS..).zip(0..parts).skip(once) {
             self.code.sink().local_get(UNTIL).local_get(AT).call(function);
         }
         self.code.sink().local_get(UNTIL).local_tee(AT).local_get(COUNT).i32_lt_u().br_if(0).end();

@@ -22,6 +22,8 @@ const MOST: u32 = 4096;
 const LEAST: u32 = 64;
 /// Bytes of all columns together, if the limits on points allow.
 const COLUMNS: u64 = 128 << 10;
+/// Bytes of all columns that functions keep for each other, if they keep more than a vector: the second cache has room.
+const SCRATCH: u64 = 512 << 10;
 /// Columns start one cache line apart from a multiple of their length: with lengths of powers of two, all columns
 /// would otherwise compete for the same lines of the cache.
 const LINE: u64 = 64;
@@ -143,7 +145,11 @@ pub fn place(
     let results = slots(&mut outputs(), &mut end, true);
     let scratch = kept.map(|kept| {
         let Kept { slots, columns, points } = kept;
-        let points = points.min(block).max(pad);
+        let mut points = if columns == 0 { block } else { points.min(block) };
+        while points > pad && u64::from(points * precision.bytes()) * u64::from(columns) > SCRATCH {
+            points /= 2;
+        }
+        let points = points.max(pad);
         let column = points * precision.bytes();
         let offset = u32::try_from(end.next_multiple_of(LINE)).unwrap_or(u32::MAX);
         end = u64::from(offset) + u64::from(slots) * 16 + u64::from(columns) * u64::from(column);

@@ -145,10 +145,9 @@ impl<'g> Plan<'g> {
         let rates = rates::Rates::new(graph, options.varying)?;
         let order = lives::order(graph, &rates);
         let facts = pressure::facts(graph, &order);
-        let mut segments = segments::cut(graph, &rates, &order, &options.split);
-        let orders = match &mut segments {
-            Some(segments) => segments.parts.iter_mut().map(|part| std::mem::take(&mut part.order)).collect(),
-            None => vec![order],
+        let (segments, orders) = match segments::cut(graph, &rates, &order, &options.split) {
+            Some((segments, orders)) => (Some(segments), orders),
+            None => (None, vec![order]),
         };
         let mut tables = lives::Tables::new(graph);
         let mut functions = Vec::with_capacity(orders.len());
@@ -200,7 +199,7 @@ impl<'g> Plan<'g> {
         if let Some(bytes) = parts.iter().chain([&eval]).map(Vec::len).find(|bytes| *bytes > FUNCTION_BYTES) {
             return Err(EmitError::Code { bytes });
         }
-        let once = self.parts.iter().flat_map(|(segments, _)| &segments.parts).filter(|part| part.once).count();
+        let once = self.parts.as_ref().map_or(0, |(segments, _)| segments.once);
         Ok(Written { eval, parts, once, layout: self.layout, facts: self.facts })
     }
 

@@ -54,15 +54,6 @@ impl Split {
     }
 }
 
-/// One function of a module that is cut.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Part {
-    /// Whether it runs once per call; else it is a loop over the points of a chunk.
-    pub once: bool,
-    /// What it does.
-    pub order: Order,
-}
-
 /// Where in the memory between the functions a value is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
@@ -72,11 +63,11 @@ pub enum Place {
     Column(u32),
 }
 
-/// The functions of a module that is cut.
+/// What the functions of a module that is cut have to do with each other.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Segments {
-    /// In the order in which they run, those that run once before the others.
-    pub parts: Vec<Part>,
+    /// How many of them, the first ones, run once per call. Each other one is a loop over the points of a chunk.
+    pub once: usize,
     /// Where each value is that a later part reads.
     pub places: FxHashMap<NodeId, Place>,
     /// How many slots there are.
@@ -107,8 +98,8 @@ struct Value {
     last: usize,
 }
 
-/// Cuts a graph into functions; `None` if it is small.
-pub fn cut(graph: &Graph, rates: &Rates, order: &Order, split: &Split) -> Option<Segments> {
+/// Cuts a graph into functions, in the order in which they run; `None` if it is small.
+pub fn cut(graph: &Graph, rates: &Rates, order: &Order, split: &Split) -> Option<(Segments, Vec<Order>)> {
     let node = |item: &Item| match item {
         Item::Node(id) if !matches!(graph[*id], Node::Input(_)) => Some(*id),
         _ => None,
@@ -253,8 +244,10 @@ impl Cutter<'_> {
     }
 
     /// Says what each part does, and gives what parts leave each other its place.
-    fn segments(&self, values: &[Value], outputs: &[usize], parts: &[Range<usize>]) -> Segments {
-        let mut segments = Segments::default();
+    fn segments(&self, values: &[Value], outputs: &[usize], parts: &[Range<usize>]) -> (Segments, Vec<Order>) {
+        let once = parts.iter().filter(|units| units.end <= self.first_of_loop).count();
+        let mut segments = Segments { once, ..Segments::default() };
+        let mut orders = Vec::with_capacity(parts.len());
         let mut columns = Columns::default();
         let mut stores: Vec<(usize, usize)> = outputs.iter().enumerate().map(|(index, unit)| (*unit, index)).collect();
         stores.sort_unstable();
@@ -302,10 +295,10 @@ impl Cutter<'_> {
                 items.extend(keeps);
                 items.extend(results);
             }
-            segments.parts.push(Part { once: range.end <= self.first_of_loop, order: Order { items, start: 0 } });
+            orders.push(Order { items, start: 0 });
         }
         segments.columns = columns.count;
-        segments
+        (segments, orders)
     }
 }
 

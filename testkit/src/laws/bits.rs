@@ -3,11 +3,11 @@
 
 use isograd_graph::{Evaluator, Graph, Mode, NodeId, Op, Precision, Unwatched, Value, Verified};
 use isograd_transform::{fold, kernels, optimise, schedule};
-use isograd_wasm::Vectors;
+use isograd_wasm::{Split, Vectors};
 
 use super::{Count, Failure, Judgement, show, verifier_accepts};
 use crate::points::Random;
-use crate::wasm::{Broken, Machine};
+use crate::wasm::{Broken, Machine, TINY};
 
 const MANY: usize = 4_000_000;
 
@@ -49,7 +49,7 @@ pub fn finished(graph: &Graph, precision: Precision, optimised: bool) -> Result<
 }
 
 /// WebAssembly ≡ reference, bit for bit, all NaNs being one: for each number of vectors per iteration, with all inputs
-/// varying, and with each second one uniform. The graph is one that can be emitted.
+/// varying, and with each second one uniform; in one function, and cut into many. The graph is one that can be emitted.
 ///
 /// # Errors
 /// At the first point where they differ.
@@ -57,17 +57,23 @@ pub fn wasm_equals_reference(graph: &Verified, points: &[Vec<Value>]) -> Judgeme
     const LAW: &str = "wasm_equals_reference";
     let Some(precision) = graph.precision else { return Err(Failure::new(LAW, text(graph), "no precision")) };
     let inputs = graph.inputs.len();
+    let each_second = |of: usize| -> Vec<bool> { (0..inputs).map(|k| k % 2 == of).collect() };
     let settings = [
-        (vec![true; inputs], None),
-        (vec![true; inputs], Some(Vectors::Two)),
-        ((0..inputs).map(|k| k % 2 == 0).collect(), Some(Vectors::One)),
-        ((0..inputs).map(|k| k % 2 == 1).collect(), Some(Vectors::Four)),
+        (vec![true; inputs], None, Split::NEVER),
+        (vec![true; inputs], Some(Vectors::Two), Split::NEVER),
+        (each_second(0), Some(Vectors::One), Split::NEVER),
+        (each_second(1), Some(Vectors::Four), Split::NEVER),
+        (vec![true; inputs], None, TINY),
+        (each_second(0), Some(Vectors::Two), TINY),
+        (each_second(1), Some(Vectors::One), TINY),
+        (vec![false; inputs], None, TINY),
     ];
     let mut evaluator = Evaluator::new(graph, precision);
     let mut count = Count::default();
-    for (varying, vectors) in settings {
-        let failed = |what: String| Failure::new(LAW, text(graph), format!("{precision:?}, {vectors:?}: {what}"));
-        let mut machine = Machine::new(graph, &varying, vectors).map_err(|Broken(e)| failed(e))?;
+    for (varying, vectors, split) in settings {
+        let how = format!("{precision:?}, {vectors:?}, {split:?}");
+        let failed = |what: String| Failure::new(LAW, text(graph), format!("{how}: {what}"));
+        let mut machine = Machine::new(graph, &varying, vectors, split).map_err(|Broken(e)| failed(e))?;
         // Uniform inputs change from call to call: two calls, if there are uniform ones.
         let calls = if varying.contains(&false) { points.len().div_ceil(2).max(1) } else { machine.block() };
         for chunk in points.chunks(calls.min(machine.block())) {
@@ -103,9 +109,18 @@ pub fn neighbours(graph: &Verified, points: &[Vec<Value>], seed: u64) -> Judgeme
     let mut count = Count::default();
     let kinds: Vec<_> = graph.inputs.iter().map(|input| input.scalar).collect();
     let precision = graph.precision.unwrap_or_default();
-    for vectors in [None, Some(Vectors::One), Some(Vectors::Two), Some(Vectors::Four)] {
-        let failed = |what: String| Failure::new(LAW, text(graph), format!("{precision:?}, {vectors:?}: {what}"));
-        let mut machine = Machine::new(graph, &vec![true; kinds.len()], vectors).map_err(|Broken(e)| failed(e))?;
+    let settings = [
+        (None, Split::default()),
+        (Some(Vectors::One), Split::NEVER),
+        (Some(Vectors::Two), Split::NEVER),
+        (Some(Vectors::Four), Split::NEVER),
+        (None, TINY),
+        (Some(Vectors::Four), TINY),
+    ];
+    for (vectors, split) in settings {
+        let how = format!("{precision:?}, {vectors:?}, {split:?}");
+        let failed = |what: String| Failure::new(LAW, text(graph), format!("{how}: {what}"));
+        let mut machine = Machine::new(graph, &vec![true; kinds.len()], vectors, split).map_err(|Broken(e)| failed(e))?;
         let points = &points[..points.len().min(machine.block() / 2)];
         let mut run = |points: &[Vec<Value>]| machine.run(points).map_err(|Broken(e)| failed(e));
         let together = run(points)?;

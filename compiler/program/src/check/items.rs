@@ -150,11 +150,8 @@ fn function(world: &World, tree: &Tree, item: &Item, library: bool, report: &mut
         None => Type::Error,
     };
     if export && result_type == Type::Csg {
-        let message = format!("the result of the export `{}` is csg", name.text);
-        report.push(match result {
-            Some(result) => csg_in_export(tree::type_expr(tree, *result).span, message),
-            None => csg_in_export(name.span, message).here("without `-> type` the result is csg"),
-        });
+        let span = result.map_or(name.span, |r| tree::type_expr(tree, r).span);
+        report.push(csg_in_export(span, format!("the result of the export `{}` is csg", name.text)));
     }
     Function {
         name: name.text.clone(),
@@ -373,7 +370,8 @@ fn function_body(world: &World, index: usize, report: &mut Report) -> (typed::Co
     let expected = (result.is_some() || *define).then(|| function.result.clone());
     let ty = body_value(&mut body, *block, expected.as_ref(), declared, &whom);
     if expected.is_none() && *export && ty == Type::Csg {
-        body.error(csg_in_export(name.span, format!("the result of the export `{}` is csg", name.text)));
+        let message = format!("the result of the export `{}` is csg", name.text);
+        body.error(csg_in_export(name.span, message).here("the value of its body is csg"));
     }
     let (code, uses) = body.finish();
     (code, expected.unwrap_or(ty), uses)
