@@ -24,7 +24,7 @@ pub fn compiled(model: &Model, asked: Asked, watch: &dyn Watch) -> Result<Artefa
     let checked = check(model.name, text, &MemoryLoader::default(), &options, watch);
     let mut queries = vec![Query::Value];
     if asked == Asked::Gradient {
-        queries.push(Query::Gradient("at".to_owned()));
+        queries.push(Query::Gradient("at".into()));
     }
     let request = Request { export: "field".to_owned(), queries, ..Request::default() };
     compile(&checked, &request, &options, watch)

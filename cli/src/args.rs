@@ -105,7 +105,8 @@ pub struct Compile {
     /// Compile this export only; without it, every export.
     #[arg(long, value_name = "NAME")]
     pub export: Option<String>,
-    /// What to compute: `value` (the default), `gradient(PARAMETER)` or `hessian(PARAMETER)`. May be repeated.
+    /// What to compute: `value` (the default), `gradient(PARAMETER)`, `jacobian(PARAMETER)`, `hessian(PARAMETER)` or
+    /// `hessian(PARAMETER, PARAMETER)`; `*` stands for all parameters. May be repeated.
     #[arg(long = "query", value_name = "QUERY", value_parser = query)]
     pub queries: Vec<Query>,
     /// What to compile to.
@@ -152,7 +153,8 @@ pub struct Eval {
     /// The value of a parameter that is the same at all points. May be repeated.
     #[arg(long, value_name = "NAME=A,B,…", value_parser = assignment)]
     pub set: Vec<(String, String)>,
-    /// What to compute: `value` (the default), `gradient(PARAMETER)` or `hessian(PARAMETER)`. May be repeated.
+    /// What to compute: `value` (the default), `gradient(PARAMETER)`, `jacobian(PARAMETER)`, `hessian(PARAMETER)` or
+    /// `hessian(PARAMETER, PARAMETER)`; `*` stands for all parameters. May be repeated.
     #[arg(long = "query", value_name = "QUERY", value_parser = query)]
     pub queries: Vec<Query>,
     /// The precision of `real`.

@@ -26,5 +26,5 @@ pub use isograd_syntax::{Code, Diagnostic, Files, Limit, Limits, Severity, Unkno
 pub use loader::{MemoryLoader, WithStd, standard_library};
 pub use migrate::migrate;
 pub use pipeline::{Checked, Export, Options, Parameter, STEPS, check, compile, print_step};
-pub use request::{DerivativeMode, Query, Rate, Request, Target, UnknownQuery};
+pub use request::{DerivativeMode, Query, Rate, Request, Target, UnknownQuery, Wrt};
 pub use rewrite::{Malformed, rewrite};

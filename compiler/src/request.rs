@@ -72,15 +72,54 @@ pub enum Target {
     Wasm,
 }
 
-/// What is wanted of an export. Written `value`, `gradient(at)`, `hessian(at)`.
+/// What is wanted of an export: `value`, `gradient(at)`, `jacobian(at)`, `hessian(at)`, `hessian(at, radius)`. For a
+/// parameter stands `*` where all parameters are meant.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Query {
     /// Its result.
     Value,
     /// The first derivatives of its real results by the reals of a parameter.
-    Gradient(String),
-    /// The second derivatives of its real results by the reals of a parameter.
-    Hessian(String),
+    Gradient(Wrt),
+    /// The same, by its name for several results.
+    Jacobian(Wrt),
+    /// The second derivatives of its real results, by the reals of one parameter and of another or the same.
+    Hessian(Wrt, Wrt),
+}
+
+/// What an export is differentiated by.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Wrt {
+    /// The reals of the parameter with this name.
+    Parameter(String),
+    /// The reals of all parameters in order. Written `*`.
+    All,
+}
+
+impl Query {
+    /// What it differentiates by, outer derivative last.
+    #[must_use]
+    pub fn wrt(&self) -> Vec<&Wrt> {
+        match self {
+            Self::Value => Vec::new(),
+            Self::Gradient(p) | Self::Jacobian(p) => vec![p],
+            Self::Hessian(p, q) => vec![p, q],
+        }
+    }
+}
+
+impl From<&str> for Wrt {
+    fn from(name: &str) -> Self {
+        if name == "*" { Self::All } else { Self::Parameter(name.to_owned()) }
+    }
+}
+
+impl fmt::Display for Wrt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Parameter(name) => f.write_str(name),
+            Self::All => f.write_str("*"),
+        }
+    }
 }
 
 impl fmt::Display for Query {
@@ -88,7 +127,9 @@ impl fmt::Display for Query {
         match self {
             Self::Value => f.write_str("value"),
             Self::Gradient(p) => write!(f, "gradient({p})"),
-            Self::Hessian(p) => write!(f, "hessian({p})"),
+            Self::Jacobian(p) => write!(f, "jacobian({p})"),
+            Self::Hessian(p, q) if p == q => write!(f, "hessian({p})"),
+            Self::Hessian(p, q) => write!(f, "hessian({p}, {q})"),
         }
     }
 }
@@ -99,7 +140,12 @@ pub struct UnknownQuery(pub String);
 
 impl fmt::Display for UnknownQuery {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "unknown query `{}`: expected `value`, `gradient(PARAMETER)` or `hessian(PARAMETER)`", self.0)
+        write!(
+            f,
+            "unknown query `{}`: expected `value`, `gradient(PARAMETER)`, `jacobian(PARAMETER)`, `hessian(PARAMETER)` or \
+             `hessian(PARAMETER, PARAMETER)`, where `*` stands for all parameters",
+            self.0
+        )
     }
 }
 
@@ -115,10 +161,16 @@ impl FromStr for Query {
             return Ok(Self::Value);
         }
         let (name, rest) = text.split_once('(').ok_or_else(unknown)?;
-        let parameter = rest.strip_suffix(')').map(str::trim).filter(|p| !p.is_empty()).ok_or_else(unknown)?;
-        match name.trim() {
-            "gradient" => Ok(Self::Gradient(parameter.to_owned())),
-            "hessian" => Ok(Self::Hessian(parameter.to_owned())),
+        let inside = rest.strip_suffix(')').ok_or_else(unknown)?;
+        let by: Vec<Wrt> = inside.split(',').map(|p| Wrt::from(p.trim())).collect();
+        if by.contains(&Wrt::Parameter(String::new())) {
+            return Err(unknown());
+        }
+        match (name.trim(), by.as_slice()) {
+            ("gradient", [p]) => Ok(Self::Gradient(p.clone())),
+            ("jacobian", [p]) => Ok(Self::Jacobian(p.clone())),
+            ("hessian", [p]) => Ok(Self::Hessian(p.clone(), p.clone())),
+            ("hessian", [p, q]) => Ok(Self::Hessian(p.clone(), q.clone())),
             _ => Err(unknown()),
         }
     }

@@ -6,7 +6,7 @@ use isograd_program::{Program, ScalarKind, Type};
 use isograd_syntax::{Code, Diagnostic, Limits};
 use isograd_transform::Wanted;
 
-use crate::{Query, Rate, Request};
+use crate::{Query, Rate, Request, Wrt};
 
 /// What a request wants of its export.
 #[derive(Debug, Clone)]
@@ -83,10 +83,10 @@ impl Wanting {
                 let all = (0..results.len()).map(|i| (i, Vec::new())).collect();
                 (function.result.to_string(), results.clone(), all)
             }
-            Query::Gradient(p) => {
+            Query::Gradient(p) | Query::Jacobian(p) => {
                 let wrt = reals_of(function, p, &name)?;
                 within(limits, &name, reals.len().saturating_mul(wrt.len()))?;
-                let ty = derivative_type(&function.result, reals.len(), parameter(function, p, &name)?, wrt.len());
+                let ty = derivative_type(&function.result, reals.len(), type_of(function, p, &name)?, wrt.len());
                 let mut columns = Vec::new();
                 let mut wanted = Vec::new();
                 // Flattened as LANGUAGE 13.1: for each scalar of the parameter, for each of the result.
@@ -98,19 +98,14 @@ impl Wanting {
                 }
                 (ty, columns, wanted)
             }
-            Query::Hessian(p) => {
-                let wrt = reals_of(function, p, &name)?;
-                within(limits, &name, reals.len().saturating_mul(wrt.len()).saturating_mul(wrt.len()))?;
-                let n = wrt.len();
-                let ty = match (reals.len(), n) {
-                    (1, 1) => "real".to_owned(),
-                    (1, 2..=4) => format!("mat{n}"),
-                    (m, n) => format!("real[{}]", m * n * n),
-                };
+            Query::Hessian(p, q) => {
+                let (inner, outer) = (reals_of(function, p, &name)?, reals_of(function, q, &name)?);
+                within(limits, &name, reals.len().saturating_mul(inner.len()).saturating_mul(outer.len()))?;
+                let ty = second_derivative_type(reals.len(), inner.len(), outer.len());
                 let mut columns = Vec::new();
                 let mut wanted = Vec::new();
-                for (k, by2) in &wrt {
-                    for (j, by) in &wrt {
+                for (k, by2) in &outer {
+                    for (j, by) in &inner {
                         for (i, value) in &reals {
                             columns.push(column(&results, value, &[by, by2]));
                             // Mixed second derivatives are symmetric: each is computed once.
@@ -137,9 +132,8 @@ fn column(results: &[String], value: &str, by: &[&String]) -> String {
 }
 
 /// The type that `diff` gives (LANGUAGE 13.1), or a count of reals where it gives none.
-fn derivative_type(result: &Type, reals: usize, parameter: &Type, wrt: usize) -> String {
-    let vector = |n: usize| u8::try_from(n).ok().filter(|n| (2..=4).contains(n));
-    let ty = match (result, parameter) {
+fn derivative_type(result: &Type, reals: usize, parameter: Option<&Type>, wrt: usize) -> String {
+    let ty = match (result, parameter.unwrap_or(&Type::Error)) {
         (Type::Real, Type::Real) => Some(Type::Real),
         (Type::Real, Type::Vector(_) | Type::Quat) => vector(wrt).map(Type::Vector),
         (Type::Vector(_) | Type::Quat, Type::Real) => vector(reals).map(Type::Vector),
@@ -149,6 +143,23 @@ fn derivative_type(result: &Type, reals: usize, parameter: &Type, wrt: usize) ->
         _ => None,
     };
     ty.map_or_else(|| format!("real[{}]", reals * wrt), |t| t.to_string())
+}
+
+/// The type of `diff(diff(e, p), q)` for so many real results, reals of p and reals of q; a count of reals where the
+/// language has none.
+fn second_derivative_type(results: usize, inner: usize, outer: usize) -> String {
+    let ty = match (results, inner, outer) {
+        (1, 1, 1) => Some(Type::Real),
+        (1, n, 1) | (1, 1, n) => vector(n).map(Type::Vector),
+        (1, rows, columns) => vector(columns).zip(vector(rows)).map(|(columns, rows)| Type::Matrix { columns, rows }),
+        _ => None,
+    };
+    ty.map_or_else(|| format!("real[{}]", results * inner * outer), |t| t.to_string())
+}
+
+/// The extent of a vector, if there is one of that size.
+fn vector(n: usize) -> Option<u8> {
+    u8::try_from(n).ok().filter(|n| (2..=4).contains(n))
 }
 
 fn find<'p>(program: &'p Program, name: &str) -> Result<(FunctionId, &'p Function), Box<Diagnostic>> {
@@ -174,20 +185,37 @@ fn parameter<'p>(function: &'p Function, name: &str, whose: &str) -> Result<&'p 
     })
 }
 
-/// Indices among the flattened inputs, and names, of the reals of a parameter.
-fn reals_of(function: &Function, name: &str, query: &str) -> Result<Vec<(usize, String)>, Box<Diagnostic>> {
-    let ty = parameter(function, name, query)?;
-    let before: usize = function.params.iter().take_while(|p| p.name != name).map(|p| p.ty.len() as usize).sum();
-    let reals: Vec<_> = ty
-        .columns(name)
-        .into_iter()
-        .zip(ty.scalars())
-        .enumerate()
-        .filter(|(_, (_, s))| *s == ScalarKind::Real)
-        .map(|(i, (column, _))| (before + i, column))
-        .collect();
+/// The type that a query differentiates by; none if it is that of several parameters.
+fn type_of<'p>(function: &'p Function, wrt: &Wrt, query: &str) -> Result<Option<&'p Type>, Box<Diagnostic>> {
+    match (wrt, function.params.as_slice()) {
+        (Wrt::Parameter(name), _) => parameter(function, name, query).map(Some),
+        (Wrt::All, [only]) => Ok(Some(&only.ty)),
+        (Wrt::All, _) => Ok(None),
+    }
+}
+
+/// Indices among the flattened inputs, and names, of the reals that a query differentiates by.
+fn reals_of(function: &Function, wrt: &Wrt, query: &str) -> Result<Vec<(usize, String)>, Box<Diagnostic>> {
+    let ty = type_of(function, wrt, query)?;
+    let mut index = 0;
+    let mut reals = Vec::new();
+    for param in &function.params {
+        let is_wanted = match wrt {
+            Wrt::Parameter(name) => param.name == *name,
+            Wrt::All => true,
+        };
+        for (column, scalar) in param.ty.columns(&param.name).into_iter().zip(param.ty.scalars()) {
+            if is_wanted && scalar == ScalarKind::Real {
+                reals.push((index, column));
+            }
+            index += 1;
+        }
+    }
     if reals.is_empty() {
-        let message = format!("{query}: the parameter `{name}` is {ty} and has no reals to differentiate by");
+        let message = match ty {
+            Some(ty) => format!("{query}: the parameter `{wrt}` is {ty} and has no reals to differentiate by"),
+            None => format!("{query}: `{}` has no real parameters to differentiate by", function.name),
+        };
         return Err(Box::new(Diagnostic::global(Code::E1102, message)));
     }
     Ok(reals)

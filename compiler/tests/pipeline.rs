@@ -178,3 +178,28 @@ fn limits_of_derivatives_are_diagnostics() {
     let diagnostics = compile(&program, &request(&["hessian(at)"]), &options, &Unwatched).unwrap_err();
     assert_eq!(diagnostics[0].code, Code::E1009);
 }
+
+#[test]
+fn queries_have_types_and_columns() {
+    let text = "export fn f(p: vec2, n: int, k: real) -> real { p.x * p.y * k }
+        export fn g(p: vec2, k: real) -> (real, vec2) { (p.x * k, p) }";
+    let checked = check("main.vola", text.into(), &MemoryLoader::default(), &Options::default(), &Unwatched);
+    let port = |export: &str, query: &str| {
+        let queries = vec![query.parse().unwrap()];
+        let request = Request { export: export.into(), queries, ..Request::default() };
+        let artefact = compile(&checked, &request, &Options::default(), &Unwatched).unwrap();
+        let port = artefact.manifest.outputs[0].clone();
+        (port.name, port.ty, port.columns.into_iter().map(|c| c.name).collect::<Vec<_>>().join(" "))
+    };
+    let expected = |name: &str, ty: &str, columns: &str| (name.to_owned(), ty.to_owned(), columns.to_owned());
+    assert_eq!(port("f", "gradient(p)"), expected("gradient(p)", "vec2", "p.x p.y"));
+    assert_eq!(port("f", "gradient(*)"), expected("gradient(*)", "real[3]", "p.x p.y k"));
+    assert_eq!(port("f", "hessian(p)"), expected("hessian(p)", "mat2", "p.x/p.x p.y/p.x p.x/p.y p.y/p.y"));
+    assert_eq!(port("f", "hessian( p,k )"), expected("hessian(p, k)", "vec2", "p.x/k p.y/k"));
+    assert_eq!(port("f", "hessian(k, k)"), expected("hessian(k)", "real", "k/k"));
+    let columns = "value.0/p.x value.1.x/p.x value.1.y/p.x value.0/p.y value.1.x/p.y value.1.y/p.y";
+    assert_eq!(port("g", "jacobian(p)"), expected("jacobian(p)", "real[6]", columns));
+    for wrong in ["gradient()", "gradient(p, k)", "hessian(p, k, k)", "hessian(p,)", "laplacian(p)", "gradient(p"] {
+        assert!(wrong.parse::<isograd_compiler::Query>().is_err(), "{wrong}");
+    }
+}

@@ -1,7 +1,7 @@
 //! Finding what a request names: an export, queries. Answers with what there is instead.
 //! Knows names only; whether a query makes sense for a type is the compiler's business.
 
-use isograd_compiler::{Export, Query};
+use isograd_compiler::{Export, Query, Wrt};
 
 /// A name that the program does not have; the message says which names it has.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -32,10 +32,11 @@ pub fn export<'a>(exports: &'a [Export], name: Option<&str>) -> Result<&'a Expor
 /// If one is not.
 pub fn known(export: &Export, queries: &[Query]) -> Result<(), UnknownName> {
     for query in queries {
-        let (Query::Gradient(name) | Query::Hessian(name)) = query else { continue };
-        if export.parameters.iter().any(|p| p.name == *name) {
-            continue;
-        }
+        let missing = query.wrt().into_iter().find_map(|wrt| match wrt {
+            Wrt::Parameter(name) if !export.parameters.iter().any(|p| p.name == *name) => Some(name),
+            Wrt::Parameter(_) | Wrt::All => None,
+        });
+        let Some(name) = missing else { continue };
         let names: Vec<String> = export.parameters.iter().map(|p| format!("`{}`", p.name)).collect();
         let there = if names.is_empty() { "no parameters".to_owned() } else { names.join(", ") };
         return Err(UnknownName(format!("`{query}`: there is no parameter `{name}`; `{}` has {there}", export.name)));
@@ -70,8 +71,8 @@ mod tests {
         assert!(error(&["a", "b"], Some("c")).contains("no export `c`; the program exports `a`, `b`"));
         assert!(error(&[], None).contains("export fn"));
         let all = exports(&["a"]);
-        assert_eq!(known(&all[0], &[Query::Value, Query::Gradient("at".to_owned())]), Ok(()));
-        let message = known(&all[0], &[Query::Hessian("to".to_owned())]).unwrap_err().0;
+        assert_eq!(known(&all[0], &[Query::Value, Query::Gradient("at".into())]), Ok(()));
+        let message = known(&all[0], &[Query::Hessian("to".into(), "to".into())]).unwrap_err().0;
         assert_eq!(message, "`hessian(to)`: there is no parameter `to`; `a` has `at`");
     }
 }

@@ -30,8 +30,7 @@ impl Machine {
     pub fn new(graph: &Verified, varying: &[bool], vectors: Option<Vectors>, split: Split) -> Result<Self, Broken> {
         let precision = graph.precision.ok_or_else(|| Broken("the graph has no precision".into()))?;
         let broken = |e: &dyn std::fmt::Display| Broken(e.to_string());
-        let module = emit(graph, &Options { precision, varying, vectors, split }, b"")
-            .map_err(|e| broken(&e))?;
+        let module = emit(graph, &Options { precision, varying, vectors, split }, b"").map_err(|e| broken(&e))?;
         let compiled = Module::new(engine(), &module.bytes).map_err(|e| broken(&format!("{e:#}")))?;
         if compiled.imports().count() > 0 {
             return Err(Broken("the module imports something".into()));

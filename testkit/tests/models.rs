@@ -38,7 +38,7 @@ fn compiled(source: &str, export: &str, precision: Precision) -> Artefact {
     let parameters = checked.exports().into_iter().find(|e| e.name == export).expect("the export").parameters;
     let request = Request {
         export: export.into(),
-        queries: vec![Query::Value, Query::Gradient("at".into()), Query::Hessian("at".into())],
+        queries: vec![Query::Value, Query::Gradient("at".into()), Query::Hessian("at".into(), "at".into())],
         precision,
         rates: parameters.into_iter().map(|p| (p.name, Rate::Varying)).collect(),
         ..Request::default()

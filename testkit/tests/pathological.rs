@@ -236,7 +236,7 @@ fn derivatives_of_a_long_loop_are_no_longer_than_of_a_short_one() {
             }}"
         );
         let checked = support::check_ok(&source);
-        let queries = [Query::Value, Query::Gradient("p".into()), Query::Hessian("p".into())];
+        let queries = [Query::Value, Query::Gradient("p".into()), Query::Hessian("p".into(), "p".into())];
         support::Graphs::of(&checked, "f", &queries, Precision::F32, Sweep::Forward).expect("graphs").scheduled.len()
     };
     assert_eq!(graph_size(10), graph_size(10_000));

@@ -171,6 +171,9 @@ fn names_of_two_libraries_are_an_error_where_used() {
     let (found, all) = run(&format!("{imports} {MAIN}"), &files, &["one", "two"]);
     assert_eq!(found, "E0304");
     assert!(all.contains("one, two"), "{all}");
+    for declared in ["declared by `one`", "declared by `two`"] {
+        assert!(all.contains(declared), "{declared}: {all}");
+    }
 }
 
 #[test]

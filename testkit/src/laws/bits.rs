@@ -120,7 +120,8 @@ pub fn neighbours(graph: &Verified, points: &[Vec<Value>], seed: u64) -> Judgeme
     for (vectors, split) in settings {
         let how = format!("{precision:?}, {vectors:?}, {split:?}");
         let failed = |what: String| Failure::new(LAW, text(graph), format!("{how}: {what}"));
-        let mut machine = Machine::new(graph, &vec![true; kinds.len()], vectors, split).map_err(|Broken(e)| failed(e))?;
+        let mut machine =
+            Machine::new(graph, &vec![true; kinds.len()], vectors, split).map_err(|Broken(e)| failed(e))?;
         let points = &points[..points.len().min(machine.block() / 2)];
         let mut run = |points: &[Vec<Value>]| machine.run(points).map_err(|Broken(e)| failed(e));
         let together = run(points)?;

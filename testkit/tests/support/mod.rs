@@ -7,7 +7,7 @@ mod wasm;
 
 use std::fmt::Write as _;
 
-use isograd_compiler::{Checked, DerivativeMode, Diagnostic, MemoryLoader, Options, Precision, Query};
+use isograd_compiler::{Checked, DerivativeMode, Diagnostic, MemoryLoader, Options, Precision, Query, Wrt};
 use isograd_elaborate::elaborate;
 use isograd_graph::{Evaluator, Graph, Unwatched, Value};
 use isograd_program::typed::Function;
@@ -127,21 +127,27 @@ fn wanted(function: &Function, queries: &[Query]) -> Vec<Wanted> {
     let reals = |ty: &Type| -> Vec<usize> {
         (0..).zip(ty.scalars()).filter(|(_, s)| *s == ScalarKind::Real).map(|(i, _)| i).collect()
     };
-    let inputs = |name: &str| -> Vec<usize> {
-        let at = function.params.iter().position(|p| p.name == name).expect("the parameter");
-        let before: u32 = function.params[..at].iter().map(|p| p.ty.len()).sum();
-        reals(&function.params[at].ty).into_iter().map(|i| i + before as usize).collect()
+    let inputs = |wrt: &Wrt| -> Vec<usize> {
+        let mut before = 0;
+        let mut all = Vec::new();
+        for param in &function.params {
+            if *wrt == Wrt::All || *wrt == Wrt::Parameter(param.name.clone()) {
+                all.extend(reals(&param.ty).into_iter().map(|i| i + before));
+            }
+            before += param.ty.len() as usize;
+        }
+        all
     };
     let outputs = reals(&function.result);
     let mut all: Vec<(usize, Vec<usize>)> = Vec::new();
     for query in queries {
         match query {
             Query::Value => all.extend((0..function.result.len() as usize).map(|output| (output, Vec::new()))),
-            Query::Gradient(p) => {
+            Query::Gradient(p) | Query::Jacobian(p) => {
                 all.extend(inputs(p).iter().flat_map(|j| outputs.iter().map(|i| (*i, vec![*j]))));
             }
-            Query::Hessian(p) => {
-                for k in inputs(p) {
+            Query::Hessian(p, q) => {
+                for k in inputs(q) {
                     all.extend(
                         inputs(p).iter().flat_map(|j| outputs.iter().map(move |i| (*i, vec![*j.min(&k), k.max(*j)]))),
                     );

@@ -96,7 +96,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// \[24\] `v()` for a csg variable; anything else that is no function is E0303.
+    /// \[24\] `v()` for a csg variable; anything else that is no function is E0303, or E0604 if it has blocks.
     fn call_of_variable(
         &mut self,
         callee: &'a Ident,
@@ -116,7 +116,17 @@ impl<'a> Body<'a> {
         }
         self.arguments(args);
         self.subtrees(blocks, false);
-        if ty != Type::Error {
+        if ty == Type::Error {
+            return Type::Error;
+        }
+        if let Some(first) = blocks.first() {
+            let span = self.block_span(*first);
+            self.error(
+                Diagnostic::new(Code::E0604, span, format!("`{name}` is a variable and takes no blocks"))
+                    .label(callee.span, format!("this is a variable of type `{ty}`"))
+                    .help("only operations have subtrees"),
+            );
+        } else {
             self.error(
                 Diagnostic::new(
                     Code::E0303,

@@ -29,7 +29,7 @@ impl Kernels {
             return Err(support::listed(&checked.diagnostics));
         }
         let kernel = |precision: Precision, queries: usize| {
-            let all = [Query::Value, Query::Gradient("p".into()), Query::Hessian("p".into())];
+            let all = [Query::Value, Query::Gradient("p".into()), Query::Hessian("p".into(), "p".into())];
             let request = Request {
                 export: export.to_owned(),
                 queries: all[..queries].to_vec(),
