@@ -12,6 +12,7 @@ pub enum Step {
     Add(usize, usize),
     Sub(usize, usize),
     Mul(usize, usize),
+    Div(usize, usize),
     Min(usize, usize),
     Max(usize, usize),
     Neg(usize),
@@ -148,15 +149,16 @@ impl Steps {
     }
 
     /// The function that `std::smooth_min` computes, ½(a + b) − ¼(s²/k + k) where |s| < k with s = a − b and else
-    /// min(a, b), in the form of the fewest steps, without a comparison: min(a, b) − h²/4k with h = max(k − |s|, 0).
+    /// min(a, b), in the usual form, which needs no comparison: min(a, b) − ¼h²/k with h = max(k − |s|, 0).
     fn smooth_min(&mut self, a: usize, b: usize, k: f32) -> usize {
-        let [k, quarter, zero] = [k, 0.25 / k, 0.0].map(|x| self.constant(x));
+        let [k, quarter, zero] = [k, 0.25, 0.0].map(|x| self.constant(x));
         let apart = self.push(Step::Sub(a, b));
         let apart = self.push(Step::Abs(apart));
         let near = self.push(Step::Sub(k, apart));
         let near = self.push(Step::Max(near, zero));
         let square = self.push(Step::Mul(near, near));
-        let lowered = self.push(Step::Mul(quarter, square));
+        let lowered = self.push(Step::Div(square, k));
+        let lowered = self.push(Step::Mul(quarter, lowered));
         let least = self.push(Step::Min(a, b));
         self.push(Step::Sub(least, lowered))
     }
@@ -182,6 +184,7 @@ impl Steps {
                 Step::Add(a, b) => format!("{} + {}", name(a), name(b)),
                 Step::Sub(a, b) => format!("{} - {}", name(a), name(b)),
                 Step::Mul(a, b) => format!("{} * {}", name(a), name(b)),
+                Step::Div(a, b) => format!("{} / {}", name(a), name(b)),
                 Step::Min(a, b) => format!("min({}, {})", name(a), name(b)),
                 Step::Max(a, b) => format!("max({}, {})", name(a), name(b)),
                 Step::Neg(a) => format!("-{}", name(a)),
@@ -384,7 +387,9 @@ mod tests {
             match *step {
                 Step::Axis(_) | Step::Constant(_) => {}
                 Step::Neg(a) | Step::Abs(a) | Step::Sqrt(a) => mark(a),
-                Step::Add(a, b) | Step::Sub(a, b) | Step::Mul(a, b) => [a, b].into_iter().for_each(&mut mark),
+                Step::Add(a, b) | Step::Sub(a, b) | Step::Mul(a, b) | Step::Div(a, b) => {
+                    [a, b].into_iter().for_each(&mut mark)
+                }
                 Step::Min(a, b) | Step::Max(a, b) => [a, b].into_iter().for_each(&mut mark),
             }
         }

@@ -73,6 +73,7 @@ fn import(context: &mut Context, steps: &Steps) -> Result<Node, BadNode> {
             Step::Sub(a, b) => context.sub(nodes[a], nodes[b])?,
             Step::Mul(a, b) if a == b => context.square(nodes[a])?,
             Step::Mul(a, b) => context.mul(nodes[a], nodes[b])?,
+            Step::Div(a, b) => context.div(nodes[a], nodes[b])?,
             Step::Min(a, b) => context.min(nodes[a], nodes[b])?,
             Step::Max(a, b) => context.max(nodes[a], nodes[b])?,
             Step::Neg(a) => context.neg(nodes[a])?,

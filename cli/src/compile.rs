@@ -201,7 +201,10 @@ mod tests {
         let made = |mode, forward, reverse| Derivatives { mode, forward, reverse };
         assert_eq!(way(Auto, &made(Reverse, Some(1536), Some(412))), "reverse (cost 412; forward 1,536)");
         assert_eq!(way(Auto, &made(Forward, Some(999), Some(1_234_567))), "forward (cost 999; reverse 1,234,567)");
-        assert_eq!(way(Auto, &made(Forward, Some(7), None)), "forward (too few values to differentiate by for a reverse sweep to pay)");
+        assert_eq!(
+            way(Auto, &made(Forward, Some(7), None)),
+            "forward (too few values to differentiate by for a reverse sweep to pay)"
+        );
         assert_eq!(way(Auto, &made(Reverse, None, Some(7))), "reverse (the forward sweep exceeds a limit)");
         assert_eq!(way(Reverse, &made(Reverse, None, Some(412))), "reverse (asked for)");
     }

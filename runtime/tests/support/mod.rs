@@ -2,7 +2,7 @@
 
 #![allow(dead_code, clippy::pedantic, reason = "shared by programs of which each uses a part")]
 
-use isograd_compiler::{DerivativeMode, Derivatives, Artefact, Column, ColumnType, Manifest, Port, Rate};
+use isograd_compiler::{Artefact, Column, ColumnType, DerivativeMode, Derivatives, Manifest, Port, Rate};
 use isograd_graph::{Builder, Mode, NodeId, Precision, Scalar, Unwatched, verify};
 use isograd_wasm::{Options, Plan, Slot, Split, Vectors};
 
