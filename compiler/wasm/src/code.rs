@@ -5,7 +5,8 @@ use wasm_encoder::{Encode, InstructionSink, MemArg};
 /// The first locals. The argument of `eval`; then, and for parts, the bytes of a column of reals up to which the loop
 /// over the points runs.
 pub const COUNT: u32 = 0;
-/// Where that loop stands: bytes from the start of a column of reals (in f32 modules: of any column) to the points of this iteration.
+/// Where that loop stands: bytes from the start of a column of reals (in f32 modules: of any column) to the points of
+/// this iteration.
 pub const AT: u32 = 1;
 /// The same for columns of 32-bit elements in f64 modules.
 pub const AT_NARROW: u32 = 2;

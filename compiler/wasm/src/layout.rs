@@ -11,6 +11,7 @@
 //! A varying input and every output is a column of `block` elements; a uniform input is one element in a slot of 16
 //! bytes. Reals are binary32 or binary64 by the precision; ints and bools are 32-bit ints in both, bools 0 or 1 (read:
 //! any other number is true). All is little-endian. Every NaN is stored with all bits set.
+//! What lies behind the columns is the module's own: there a module of several functions keeps values during a call.
 
 use isograd_graph::{Graph, Precision, Scalar};
 

@@ -3,7 +3,8 @@
 //!
 //! `lanes` holds the instruction texts of the op table as bytes; `rates` says what is computed once and what in every
 //! lane; `lives`, in which order and for how long; `segments`, where a large graph is cut into functions; `pressure`,
-//! how many vectors at a time; `layout`, where columns lie; `emit` and `regions` write the code. No relaxed SIMD, no fused operations, constants at each use.
+//! how many vectors at a time; `layout`, where columns lie; `emit` and `regions` write the code. No relaxed SIMD, no
+//! fused operations, constants at each use.
 
 #![cfg_attr(
     not(test),

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use isograd_compiler::{Precision, Query, standard_library};
+use isograd_compiler::{DerivativeMode, Precision, Query, standard_library};
 use isograd_graph::Value;
 
 use crate::support::{self, Varying};
@@ -188,7 +188,8 @@ pub fn yields(entry: &Entry) -> Result<(), String> {
     }
     let point = [0.5, 2.0, 3.0].map(Value::Real).to_vec();
     let f = support::export(&checked, "f");
-    let results = support::wasm(&checked, f, &[Query::Value], Precision::F64, Varying::First, &[point])?;
+    let results =
+        support::wasm(&checked, f, &[Query::Value], Precision::F64, DerivativeMode::Auto, Varying::First, &[point])?;
     let result = results.first().and_then(|row| row.first()).copied().map(support::number);
     if result == Some(42.5) { Ok(()) } else { Err(format!("the library's was used: {result:?}\n{source}")) }
 }
