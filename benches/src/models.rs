@@ -148,7 +148,7 @@ impl Steps {
         (ball, self.block(q, [0.8, 0.6, 0.7]))
     }
 
-    /// The function that `std::smooth_min` computes, ½(a + b) − ¼(s²/k + k) where |s| < k with s = a − b and else
+    /// The function that `std::smooth_min` computes, ½(a + b) − s²/(4k) − k/4 where |s| < k with s = a − b and else
     /// min(a, b), in the usual form, which needs no comparison: min(a, b) − ¼h²/k with h = max(k − |s|, 0).
     fn smooth_min(&mut self, a: usize, b: usize, k: f32) -> usize {
         let [k, quarter, zero] = [k, 0.25, 0.0].map(|x| self.constant(x));
