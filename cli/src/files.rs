@@ -25,13 +25,36 @@ impl FsLoader {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
             _ => PathBuf::from("."),
         };
-        let name = |c: Component<'_>| match c {
-            Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
-            _ => None,
-        };
-        let canonical = directory.canonicalize().map(|d| d.components().filter_map(name).collect()).unwrap_or_default();
+        let canonical = directory.canonicalize().map(|d| names(&d)).unwrap_or_default();
         Self { directory, canonical, libraries }
     }
+
+    /// The file of the program that a module path leads to.
+    fn file(&self, at: &ModulePath) -> PathBuf {
+        let mut path = self.directory.clone();
+        path.extend(std::iter::repeat_n("..", at.ups as usize));
+        path.extend(&at.path);
+        path.set_extension("vola");
+        path
+    }
+
+    /// Where a file really lies, if there is one: links lead to one file by several paths.
+    fn real(&self, at: &ModulePath) -> Option<ModulePath> {
+        let file = self.file(at).canonicalize().ok().filter(|f| f.extension().is_some_and(|e| e == "vola"))?;
+        let names = names(&file.with_extension(""));
+        let common = names.iter().zip(&self.canonical).take_while(|(a, b)| a == b).count();
+        let ups = u32::try_from(self.canonical.len() - common).ok()?;
+        Some(ModulePath { library: None, ups, path: names.into_iter().skip(common).collect() })
+    }
+}
+
+/// The names on a path from the root.
+fn names(path: &Path) -> Vec<String> {
+    let name = |c: Component<'_>| match c {
+        Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
+        _ => None,
+    };
+    path.components().filter_map(name).collect()
 }
 
 impl Loader for FsLoader {
@@ -39,9 +62,16 @@ impl Loader for FsLoader {
         self.libraries.names()
     }
 
-    /// From `/a/b`, the path that goes up once and down to `b` goes nowhere.
+    /// The file behind all links. Of a file that is not there: from `/a/b`, the path that goes up once and down to `b`
+    /// goes nowhere.
     fn resolve(&self, mut at: ModulePath) -> ModulePath {
-        while at.ups > 0 && at.path.len() > 1 && at.library.is_none() {
+        if at.library.is_some() {
+            return at;
+        }
+        if let Some(real) = self.real(&at) {
+            return real;
+        }
+        while at.ups > 0 && at.path.len() > 1 {
             let down = self.canonical.len().checked_sub(at.ups as usize).and_then(|i| self.canonical.get(i));
             if down.is_none() || down != at.path.first() {
                 break;
@@ -56,10 +86,7 @@ impl Loader for FsLoader {
         if let Some(library) = &at.library {
             return self.libraries.read(library, at);
         }
-        let mut path = self.directory.clone();
-        path.extend(std::iter::repeat_n("..", at.ups as usize));
-        path.extend(&at.path);
-        path.set_extension("vola");
+        let path = self.file(at);
         read_source(&path).map_err(|error| format!("tried `{}`: {error}", path.display()))
     }
 }

@@ -191,6 +191,16 @@ fn modules_are_found_beside_above_and_in_libraries() {
     dir.run(&["check", "app/main.vola", "--library", "ext=lib", "--library", "ext=lib"]).fails(2);
 }
 
+/// A file that is reached by two paths is one file (LANGUAGE 10.3).
+#[cfg(unix)]
+#[test]
+fn a_linked_module_is_loaded_once() {
+    let dir = Dir::with("module self::shapes::ball;\nmodule self::link;\nexport fn f(x: real) -> real { ball(x) }\n");
+    dir.write("shapes/ball.vola", "fn ball(x: real) -> real { x - 1.0 }\n");
+    std::os::unix::fs::symlink("shapes/ball.vola", dir.0.join("link.vola")).unwrap();
+    dir.run(&["check", "main.vola"]).ok();
+}
+
 #[test]
 fn compile_writes_a_module_for_every_export() {
     let dir = Dir::with(&format!("{BALL}export fn twice(x: real) -> real {{ x * 2.0 }}\n"));
