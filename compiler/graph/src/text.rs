@@ -77,8 +77,8 @@ impl fmt::Display for ParseError {
 
 impl std::error::Error for ParseError {}
 
-/// Reads what [`print`] writes; indentation means nothing. Origins are not part of the text. The graph is as well
-/// formed as the text: [`crate::verify`] it before use.
+/// Reads what [`print()`] writes; indentation means nothing. Origins are not part of the text. The graph is as well
+/// formed as the text: [`crate::verify()`] it before use.
 ///
 /// # Errors
 /// If a line is no node, or nodes are not numbered in order.
