@@ -203,6 +203,8 @@ impl<'a> Body<'a> {
                     .label(before.span, "first defined here")
                     .help(format!("assign with `{name} = …;`, or choose another name")),
             );
+            // Which of the two a use means is not known.
+            self.poison(slot);
         }
     }
 

@@ -96,6 +96,8 @@ fn concept(tree: &Tree, item: &Item, report: &mut Report) -> Concept {
     };
     let source = source.map_or(Type::Tuple(Vec::new()), |s| no_csg(tree, s, "the source of a concept", report));
     let target = no_csg(tree, *target, "the target of a concept", report);
+    // Of a type that could not be read to its end only the beginning is known.
+    let (source, target) = if item.faults.any { (Type::Error, Type::Error) } else { (source, target) };
     Concept { name: name.text.clone(), source, target, span: item.span }
 }
 
