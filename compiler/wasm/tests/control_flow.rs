@@ -6,7 +6,7 @@ mod support;
 
 use isograd_graph::{Builder, NodeId, Op, Precision, Scalar, Value, Verified};
 use isograd_wasm::{EmitError, Options, Plan, Split, Vectors, emit};
-use support::{PRECISIONS, Random, Running, compare, graph};
+use support::{PRECISIONS, Random, Running, compare, graph, wide};
 
 fn real(x: f64) -> Value {
     Value::Real(x)
@@ -312,23 +312,7 @@ fn code_grows_linearly_with_the_graph() {
 
 #[test]
 fn pressure_decides_the_vectors() {
-    let wide = |n: usize| {
-        graph(Precision::F32, |b| {
-            let x = b.input("x", Scalar::Real);
-            let terms: Vec<NodeId> = (0..n)
-                .map(|k| {
-                    let c = b.real(k as f64 + 0.5);
-                    b.div(x, c)
-                })
-                .collect();
-            // Both ends of the list are read last.
-            let mut sum = x;
-            for term in terms {
-                sum = b.sub(sum, term);
-            }
-            b.output("y", sum);
-        })
-    };
+    let wide = |n| wide(Precision::F32, n);
     // Long, with few values alive.
     let chain = graph(Precision::F32, |b| {
         let x = b.input("x", Scalar::Real);

@@ -7,7 +7,7 @@ mod support;
 
 use isograd_graph::{Builder, NodeId, Precision, Scalar, Value, Verified};
 use isograd_wasm::{Module, Options, Split, Vectors, emit};
-use support::{PRECISIONS, Random, Running, TINY, compare, graph};
+use support::{PRECISIONS, Random, Running, TINY, compare, graph, wide};
 use wasmparser::{Operator, Parser, Payload};
 use wasmtime::OptLevel;
 
@@ -260,21 +260,7 @@ fn a_forgotten_value_shows() {
 
 #[test]
 fn memory_between_functions_is_part_of_the_layout() {
-    // All values are read again at the end, so that most of them live in columns.
-    let verified = graph(Precision::F64, |b| {
-        let x = b.input("x", Scalar::Real);
-        let terms: Vec<NodeId> = (0..5_000)
-            .map(|k| {
-                let c = b.real(f64::from(k) + 0.5);
-                b.div(x, c)
-            })
-            .collect();
-        let mut sum = x;
-        for term in terms {
-            sum = b.sub(sum, term);
-        }
-        b.output("y", sum);
-    });
+    let verified = wide(Precision::F64, 5_000);
     let size = |split| emitted(&verified, &[true], split).layout.memory;
     let (whole, cut) = (size(Split::NEVER), size(Split::default()));
     // 5,000 columns: of one vector of 16 bytes at least, 512 KiB if that is more.

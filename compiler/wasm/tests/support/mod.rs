@@ -4,7 +4,7 @@
 
 use std::sync::OnceLock;
 
-use isograd_graph::{Builder, Evaluator, Mode, Precision, Scalar, Unwatched, Value, Verified, verify};
+use isograd_graph::{Builder, Evaluator, Mode, NodeId, Precision, Scalar, Unwatched, Value, Verified, verify};
 use isograd_wasm::{Layout, Module, Options, Slot, Split, Vectors, emit};
 use wasmtime::{Config, Engine, Instance, Memory, OptLevel, Store, TypedFunc};
 
@@ -75,6 +75,21 @@ pub fn graph(precision: Precision, build: impl FnOnce(&mut Builder<'_>)) -> Veri
     let mut builder = Builder::new(Mode::Real(precision), 1_000_000, &Unwatched);
     build(&mut builder);
     verify(builder.finish().expect("within budget")).expect("well formed")
+}
+
+/// Computes so many values and then reads each once more, so that all of them are alive at a time.
+pub fn wide(precision: Precision, values: u32) -> Verified {
+    graph(precision, |b| {
+        let x = b.input("x", Scalar::Real);
+        let terms: Vec<NodeId> = (0..values)
+            .map(|k| {
+                let c = b.real(f64::from(k) + 0.5);
+                b.div(x, c)
+            })
+            .collect();
+        let sum = terms.into_iter().fold(x, |sum, term| b.sub(sum, term));
+        b.output("y", sum);
+    })
 }
 
 fn engine(level: OptLevel) -> &'static Engine {
