@@ -303,8 +303,8 @@ fn run(
     Ok(Artefact { bytes, manifest, warnings })
 }
 
-/// The steps `differentiate` and `fold`, in the direction that the request names, or in both, of which the one whose
-/// graph costs less is kept.
+/// The steps `differentiate` and `fold`, in the direction that the request names, or in both, of which one is kept: the
+/// reverse one if its graph costs so much less that it makes up for the values it has to keep.
 fn cheaper(
     graph: Graph,
     request: &Request,

@@ -29,7 +29,7 @@ pub struct Request {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DerivativeMode {
-    /// The cheaper of the two by the costs of the op table.
+    /// Reverse if that saves a fifth by the costs of the op table, else forward.
     #[default]
     Auto,
     /// Beside the values.

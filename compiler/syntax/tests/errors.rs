@@ -209,7 +209,7 @@ fn sarif_log() {
     let global = Diagnostic::global(Code::E1011, "late");
     let warning = Diagnostic::new(Code::W0501, Span::new(FileId(0), 14, 41), "value dropped");
     let mut odd = Files::default();
-    odd.add("/tmp/größe 100%.vola", "x");
+    odd.add("/models/größe 100%.vola", "x");
     let diagnostics = [diagnostic, warning, global];
     let other = [Diagnostic::new(Code::E0302, Span::new(FileId(0), 0, 1), "m")];
     let found = render::sarif(&[(&diagnostics, &files), (&other, &odd)]);
@@ -280,7 +280,7 @@ fn sarif_log() {
                     "level": "error",
                     "message": { "text": "m" },
                     "locations": [
-                        { "physicalLocation": physical("file:///tmp/gr%C3%B6%C3%9Fe%20100%25.vola", [1, 1], [1, 2]) },
+                        { "physicalLocation": physical("file:///models/gr%C3%B6%C3%9Fe%20100%25.vola", [1, 1], [1, 2]) },
                     ],
                 },
             ],

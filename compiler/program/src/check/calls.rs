@@ -265,18 +265,21 @@ impl<'a> Body<'a> {
         }
     }
 
+    /// E0402 for `diff` and `bound`, unless some argument could not be read.
+    fn miscounted(&mut self, callee: &Ident, count: usize, args: &[ExprId], signature: &str) -> Type {
+        if !self.unread(args) {
+            let message = format!("`{}` takes {count} arguments, not {}", callee.text, args.len());
+            let diagnostic = Diagnostic::new(Code::E0402, callee.span, message);
+            self.error(diagnostic.note(format!("the signature is `{signature}`")));
+        }
+        Type::Error
+    }
+
     /// `diff(e, wrt)` (LANGUAGE 13.1).
     fn diff(&mut self, callee: &Ident, args: &'a [ExprId], span: Span) -> Type {
         let types = self.arguments(args);
         let ([e, wrt], [e_type, wrt_type]) = (args, types.as_slice()) else {
-            if self.unread(args) {
-                return Type::Error;
-            }
-            self.error(
-                Diagnostic::new(Code::E0402, callee.span, format!("`diff` takes 2 arguments, not {}", args.len()))
-                    .note("the signature is `diff(expression, variable)`"),
-            );
-            return Type::Error;
+            return self.miscounted(callee, 2, args, "diff(expression, variable)");
         };
         if self.csg_in(args, &types, "an argument of a built-in function") {
             return Type::Error;
@@ -324,14 +327,7 @@ impl<'a> Body<'a> {
     fn bound(&mut self, callee: &Ident, args: &'a [ExprId], span: Span) -> Type {
         let types = self.arguments(args);
         let ([e, by, iv], [e_type, by_type, iv_type]) = (args, types.as_slice()) else {
-            if self.unread(args) {
-                return Type::Error;
-            }
-            self.error(
-                Diagnostic::new(Code::E0402, callee.span, format!("`bound` takes 3 arguments, not {}", args.len()))
-                    .note("the signature is `bound(expression, variable, interval)`"),
-            );
-            return Type::Error;
+            return self.miscounted(callee, 3, args, "bound(expression, variable, interval)");
         };
         if self.csg_in(args, &types, "an argument of a built-in function") {
             return Type::Error;
