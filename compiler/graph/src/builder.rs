@@ -5,7 +5,8 @@ use std::fmt;
 
 use rustc_hash::FxHashMap;
 
-use crate::{Args, Graph, Input, Node, NodeId, Op, Origin, Output, Precision, Scalar, Value, Watch, ops};
+use crate::ops::Accuracy;
+use crate::{Args, Graph, Input, Node, NodeId, Op, Origin, Output, Part, Precision, Scalar, Value, Watch, ops};
 
 /// How a [`Builder`] treats what it is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -254,15 +255,25 @@ impl<'w> Builder<'w> {
         }
     }
 
+    /// `x`; a constant of the program is rounded to `real` here (LANGUAGE 15.3).
+    pub fn rounded_to_real(&mut self, x: NodeId) -> NodeId {
+        self.op(Op::Rounded, &[x])
+    }
+
     /// Applies an operation of the table.
     pub fn op(&mut self, op: Op, args: &[NodeId]) -> NodeId {
         let precision = match self.mode {
             Mode::Raw => return self.share(Node::Apply(op, Args::new(args)), op.def().result),
+            Mode::Exact(precision) if op.def().accuracy == Accuracy::Directed => precision,
             Mode::Exact(_) => Precision::F64,
             Mode::Real(precision) => precision,
         };
         let mut values = [Value::Int(0); 4];
         let constant = args.iter().zip(&mut values).all(|(arg, place)| match self.value(*arg) {
+            Some(Value::Real(x)) => {
+                *place = Value::Real(precision.round(x));
+                true
+            }
             Some(value) => {
                 *place = value;
                 true
@@ -302,6 +313,18 @@ impl<'w> Builder<'w> {
     /// The derivative of `value` by `wrt`; raw graphs only.
     pub fn diff(&mut self, value: NodeId, wrt: NodeId) -> NodeId {
         self.share(Node::Diff { value, wrt }, Scalar::Real)
+    }
+
+    /// A box of these components `(wrt, lo, hi, nan)`; raw graphs only. `NONE` if there are none.
+    pub fn within(&mut self, components: &[(NodeId, NodeId, NodeId, NodeId)]) -> NodeId {
+        components.iter().rev().fold(NodeId::NONE, |next, (wrt, lo, hi, nan)| {
+            self.share(Node::Within { wrt: *wrt, lo: *lo, hi: *hi, nan: *nan, next }, Scalar::Bool)
+        })
+    }
+
+    /// A part of the enclosure of `value` in a box; raw graphs only.
+    pub fn bound(&mut self, value: NodeId, within: NodeId, part: Part) -> NodeId {
+        self.share(Node::Bound { value, within, part }, part.scalar())
     }
 
     /// Opens a scope without a region: what is made inside is not shared with what was made outside of it, as if it
@@ -418,6 +441,26 @@ impl<'w> Builder<'w> {
         let next = self.rounded(next);
         self.push(Node::Final { end, carried, next }, self.graph.scalar(carried))
     }
+
+    /// What a value was in the first of every so many iterations of the loop with this end, whose bounds are constant;
+    /// to be read with [`Builder::recall`]. The loop's finals have been made.
+    pub fn tape(&mut self, end: NodeId, value: NodeId, every: u32) -> NodeId {
+        match self.value(value) {
+            Some(constant) => self.constant(constant),
+            None if matches!(self.mode, Mode::Real(_)) && self.visible(value) => value,
+            None => self.share(Node::Tape { end, value, every }, self.graph.scalar(value)),
+        }
+    }
+
+    /// What a tape has of one of the iterations that it holds, by number from 0.
+    pub fn recall(&mut self, tape: NodeId, at: NodeId) -> NodeId {
+        match (self.value(tape), self.graph.get(tape)) {
+            (Some(constant), _) => self.constant(constant),
+            (None, Some(Node::Tape { .. })) => self.share(Node::Recall { tape, at }, self.graph.scalar(tape)),
+            // The same in all iterations.
+            (None, _) => tape,
+        }
+    }
 }
 
 /// Short names for the operations that rules and kernels are written in.
@@ -440,4 +483,7 @@ shorthand! {
     iadd(a, b) IntAdd; isub(a, b) IntSub; imul(a, b) IntMul; idiv(a, b) IntDiv; ieq(a, b) IntEq; ilt(a, b) IntLt;
     int_to_real(a) IntToReal; real_to_int(a) RealToInt;
     sin(a) Sin; cos(a) Cos; exp(a) Exp; log(a) Log; pow(a, b) Pow;
+    next_down(a) NextDown; next_up(a) NextUp; add_down(a, b) AddDown; add_up(a, b) AddUp; mul_down(a, b) MulDown;
+    mul_up(a, b) MulUp; div_down(a, b) DivDown; div_up(a, b) DivUp; sqrt_down(a) SqrtDown; sqrt_up(a) SqrtUp;
+    product_below(a, b, c) ProductBelow;
 }

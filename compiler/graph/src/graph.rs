@@ -53,6 +53,41 @@ impl Args {
     }
 }
 
+/// A part of an enclosure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Part {
+    /// The lower end, a real.
+    Lower,
+    /// The upper end, a real.
+    Upper,
+    /// Whether the value may be NaN, a bool.
+    MayBeNan,
+}
+
+impl Part {
+    /// All parts.
+    pub const ALL: [Self; 3] = [Self::Lower, Self::Upper, Self::MayBeNan];
+
+    /// Its name in the text form.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Lower => "lower",
+            Self::Upper => "upper",
+            Self::MayBeNan => "maybenan",
+        }
+    }
+
+    /// The kind of its value.
+    #[must_use]
+    pub const fn scalar(self) -> Scalar {
+        match self {
+            Self::Lower | Self::Upper => Scalar::Real,
+            Self::MayBeNan => Scalar::Bool,
+        }
+    }
+}
+
 /// One node. The meaning of the structured ones is in the crate's documentation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Node {
@@ -74,6 +109,29 @@ pub enum Node {
         value: NodeId,
         /// By what.
         wrt: NodeId,
+    },
+    /// One component of the box of a [`Node::Bound`]: there `wrt` may be any number from `lo` to `hi` (LANGUAGE 15.3).
+    /// Gone after `differentiate`.
+    Within {
+        /// The value that becomes an interval.
+        wrt: NodeId,
+        /// One end; the ends are in no order.
+        lo: NodeId,
+        /// The other end.
+        hi: NodeId,
+        /// Whether the interval may be NaN.
+        nan: NodeId,
+        /// The `Within` of the next component; `NONE` for the last.
+        next: NodeId,
+    },
+    /// A part of the enclosure of a real over a box (LANGUAGE 15). Gone after `differentiate`.
+    Bound {
+        /// What is enclosed.
+        value: NodeId,
+        /// The first component of the box.
+        within: NodeId,
+        /// Which part.
+        part: Part,
     },
     /// Begins a branch: the nodes up to `otherwise` are the side for true, those up to `end` the other.
     Gamma {
@@ -133,6 +191,24 @@ pub enum Node {
         /// What an iteration gives it.
         next: NodeId,
     },
+    /// What a value was in the iterations of a loop whose bounds are constant, after the loop's end. No scalar: only a
+    /// [`Node::Recall`] may name it.
+    Tape {
+        /// The theta's end.
+        end: NodeId,
+        /// The value, of the loop's region.
+        value: NodeId,
+        /// Of the first iteration and every so many from there on it holds the value; at least 1.
+        every: u32,
+    },
+    /// What a tape has of an iteration.
+    Recall {
+        /// The tape.
+        tape: NodeId,
+        /// Which of the iterations that it holds, an int, from 0 for the first. What is not on the tape has no defined
+        /// content.
+        at: NodeId,
+    },
 }
 
 impl Node {
@@ -153,6 +229,18 @@ impl Node {
                 f(*value);
                 f(*wrt);
             }
+            Self::Within { wrt, lo, hi, nan, next } => {
+                for x in [wrt, lo, hi, nan] {
+                    f(*x);
+                }
+                if *next != NodeId::NONE {
+                    f(*next);
+                }
+            }
+            Self::Bound { value, within, .. } => {
+                f(*value);
+                f(*within);
+            }
             Self::Gamma { cond, .. } => f(*cond),
             Self::Theta { lo, hi, .. } => {
                 f(*lo);
@@ -166,6 +254,11 @@ impl Node {
             Self::Final { carried, next, .. } => {
                 f(*carried);
                 f(*next);
+            }
+            Self::Tape { value, .. } => f(*value),
+            Self::Recall { tape, at } => {
+                f(*tape);
+                f(*at);
             }
         }
     }

@@ -19,10 +19,12 @@
 //!   …
 //! %9 = end
 //! %10 = final %9 %6 %8     the content of %6 after the last iteration; %8 is what an iteration gives it
+//! %11 = tape %9 %6 10      the content of %6 in every tenth iteration; the trip count must be constant
+//! %12 = recall %11 %0      if %0 is 0 its content in the first iteration, if 1 in the eleventh, …
 //! ```
 //!
-//! A node may use any earlier node of its own region and of the regions around it; `join` and `final` alone look
-//! into the regions that their `end` has closed. Every operation is total and has no effect, so running a side or
+//! A node may use any earlier node of its own region and of the regions around it; `join`, `final` and `tape` alone
+//! look into the regions that their `end` has closed. Every operation is total and has no effect, so running a side or
 //! an iteration too much is never wrong, only slow.
 
 #![cfg_attr(
@@ -31,6 +33,7 @@
 )]
 
 mod builder;
+mod enclosure;
 mod graph;
 mod kernels;
 mod numbers;
@@ -40,7 +43,8 @@ mod text;
 mod verify;
 
 pub use builder::{Builder, Exhausted, Mode};
-pub use graph::{Args, Graph, Input, Node, NodeId, Origin, Output};
+pub use enclosure::{Enclosure, Facts, Range};
+pub use graph::{Args, Graph, Input, Node, NodeId, Origin, Output, Part};
 pub use numbers::{Precision, Scalar, Value};
 pub use ops::{Op, OpDef};
 pub use reference::{Evaluator, evaluate};

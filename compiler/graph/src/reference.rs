@@ -2,7 +2,7 @@
 //! independent of every target. Before `kernels` it is an oracle; after `kernels` it must agree bit for bit with
 //! WebAssembly.
 
-use crate::{Graph, Node, NodeId, Precision, Value};
+use crate::{Graph, Node, NodeId, Part, Precision, Value};
 
 /// Evaluates a graph again and again without allocating.
 #[derive(Debug)]
@@ -12,6 +12,10 @@ pub struct Evaluator<'g> {
     values: Vec<Value>,
     /// Per theta, at its `end`: the finals that follow it.
     finals: Vec<Vec<(NodeId, NodeId)>>,
+    /// Per theta, at its `end`: its tapes, each with the value that it is of and how far apart its iterations are.
+    tapes: Vec<Vec<(NodeId, NodeId, i64)>>,
+    /// Per tape: what it holds.
+    held: Vec<Vec<Value>>,
     steps_left: u64,
 }
 
@@ -42,7 +46,16 @@ impl<'g> Evaluator<'g> {
                 list.push((carried, next));
             }
         }
-        Self { graph, precision, values, finals, steps_left: 0 }
+        let mut tapes = vec![Vec::new(); graph.len()];
+        for (id, node) in graph.iter() {
+            if let Node::Tape { end, value, every } = node
+                && let Some(list) = tapes.get_mut(end.index())
+            {
+                list.push((id, value, i64::from(every)));
+            }
+        }
+        let held = vec![Vec::new(); if tapes.iter().all(Vec::is_empty) { 0 } else { graph.len() }];
+        Self { graph, precision, values, finals, tapes, held, steps_left: 0 }
     }
 
     fn value(&self, id: NodeId) -> Value {
@@ -102,8 +115,10 @@ impl<'g> Evaluator<'g> {
             Node::Int(x) => self.set(at, Value::Int(x)),
             Node::Bool(x) => self.set(at, Value::Bool(x)),
             Node::Fresh(x) => self.set(at, self.value(x)),
-            // Derivatives are no operation: a graph that still contains one has no value there.
-            Node::Diff { .. } => self.set(at, Value::Real(f64::NAN)),
+            // Derivatives and enclosures are no operations: a graph that still contains one has no value there.
+            Node::Within { .. } => {}
+            Node::Bound { part: Part::MayBeNan, .. } => self.set(at, Value::Bool(true)),
+            Node::Diff { .. } | Node::Bound { .. } => self.set(at, Value::Real(f64::NAN)),
             Node::Apply(op, args) => {
                 let mut operands = [Value::Int(0); 4];
                 for (place, arg) in operands.iter_mut().zip(args.as_slice()) {
@@ -140,8 +155,9 @@ impl<'g> Evaluator<'g> {
             // Set when the loop begins and after each iteration.
             Node::Carried { .. } => {}
             Node::End { begin } => {
-                if let Some(Node::Theta { hi, .. }) = self.graph.get(begin) {
+                if let Some(Node::Theta { lo, hi, .. }) = self.graph.get(begin) {
                     let counter = self.int(begin).wrapping_add(1);
+                    self.record(at, Some(i64::from(counter) - 1 - i64::from(self.int(lo))));
                     self.set(begin, Value::Int(counter));
                     self.advance(at);
                     if counter < self.int(hi) {
@@ -150,12 +166,33 @@ impl<'g> Evaluator<'g> {
                 }
             }
             Node::Final { carried, .. } => self.set(at, self.value(carried)),
+            Node::Tape { .. } => {}
+            Node::Recall { tape, at: number } => {
+                let held = self.held.get(tape.index()).map_or(&[][..], Vec::as_slice);
+                let value = usize::try_from(self.int(number)).ok().and_then(|i| held.get(i)).copied();
+                self.set(at, value.unwrap_or(Value::zero(self.graph.scalar(at))));
+            }
         }
         next
     }
 
+    /// Empties the tapes of a loop that begins, or adds what their values are at the end of an iteration, counted from 0.
+    fn record(&mut self, end: NodeId, iteration: Option<i64>) {
+        let tapes = self.tapes.get(end.index()).map_or(&[][..], Vec::as_slice);
+        for (tape, value, every) in tapes {
+            let value = self.values.get(value.index()).copied();
+            let Some(held) = self.held.get_mut(tape.index()) else { continue };
+            match iteration {
+                None => held.clear(),
+                Some(i) if i.checked_rem(*every) == Some(0) => held.extend(value),
+                Some(_) => {}
+            }
+        }
+    }
+
     /// Gives the carried variables of a loop their first content.
     fn begin_loop(&mut self, end: NodeId) {
+        self.record(end, None);
         let pairs = self.finals.get_mut(end.index()).map(std::mem::take).unwrap_or_default();
         let inits: Vec<_> = pairs
             .iter()

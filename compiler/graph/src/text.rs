@@ -5,7 +5,7 @@ use std::fmt;
 use std::fmt::Write as _;
 use std::str::FromStr;
 
-use crate::{Args, Graph, Input, Node, NodeId, Op, Origin, Output, Precision, Scalar};
+use crate::{Args, Graph, Input, Node, NodeId, Op, Origin, Output, Part, Precision, Scalar};
 
 /// The text form.
 #[must_use]
@@ -49,6 +49,11 @@ fn line(graph: &Graph, id: NodeId, node: Node) -> String {
         }
         Node::Fresh(x) => format!("%{n} = fresh %{}", x.0),
         Node::Diff { value, wrt } => format!("%{n} = diff %{} %{}", value.0, wrt.0),
+        Node::Within { wrt, lo, hi, nan, next } => {
+            let next = if next == NodeId::NONE { String::new() } else { format!(" %{}", next.0) };
+            format!("%{n} = within %{} %{} %{} %{}{next}", wrt.0, lo.0, hi.0, nan.0)
+        }
+        Node::Bound { value, within, part } => format!("%{n} = {} %{} %{}", part.name(), value.0, within.0),
         Node::Gamma { cond, .. } => format!("%{n} = gamma %{}", cond.0),
         Node::Else { .. } => format!("%{n} = else"),
         Node::Theta { lo, hi, .. } => format!("%{n} = theta %{} %{}", lo.0, hi.0),
@@ -57,6 +62,8 @@ fn line(graph: &Graph, id: NodeId, node: Node) -> String {
         Node::End { .. } => format!("%{n} = end"),
         Node::Join { end, then, otherwise } => format!("%{n} = join %{} %{} %{}", end.0, then.0, otherwise.0),
         Node::Final { end, carried, next } => format!("%{n} = final %{} %{} %{}", end.0, carried.0, next.0),
+        Node::Tape { end, value, every } => format!("%{n} = tape %{} %{} {every}", end.0, value.0),
+        Node::Recall { tape, at } => format!("%{n} = recall %{} %{}", tape.0, at.0),
     }
 }
 
@@ -158,9 +165,22 @@ impl Reader {
                 }
                 (Node::End { begin }, Scalar::Bool)
             }
+            "tape" => {
+                let &[end, value, every] = operands.as_slice() else { return Err(wrong()) };
+                let (end, value) = (id(end)?, id(value)?);
+                (Node::Tape { end, value, every: number(every)? }, scalar(value))
+            }
             _ => match (word, ids()?.as_slice()) {
                 ("fresh", [x]) => (Node::Fresh(*x), scalar(*x)),
                 ("diff", [value, wrt]) => (Node::Diff { value: *value, wrt: *wrt }, Scalar::Real),
+                ("within", &[wrt, lo, hi, nan, ref next @ ..]) if next.len() < 2 => {
+                    let next = next.first().copied().unwrap_or(NodeId::NONE);
+                    (Node::Within { wrt, lo, hi, nan, next }, Scalar::Bool)
+                }
+                ("lower" | "upper" | "maybenan", &[value, within]) => {
+                    let part = Part::ALL.into_iter().find(|p| p.name() == word).unwrap_or(Part::Lower);
+                    (Node::Bound { value, within, part }, part.scalar())
+                }
                 ("gamma", [cond]) => {
                     self.open.push(here);
                     (Node::Gamma { cond: *cond, otherwise: NodeId::NONE, end: NodeId::NONE }, Scalar::Bool)
@@ -177,6 +197,8 @@ impl Reader {
                 ("final", [end, carried, next]) => {
                     (Node::Final { end: *end, carried: *carried, next: *next }, scalar(*carried))
                 }
+                ("recall", [tape, at]) => (Node::Recall { tape: *tape, at: *at }, scalar(*tape)),
+                ("within" | "lower" | "upper" | "maybenan" | "recall", _) => return Err(wrong()),
                 ("fresh" | "diff" | "gamma" | "theta" | "counter" | "carried" | "join" | "final", _) => {
                     return Err(wrong());
                 }

@@ -50,11 +50,13 @@ struct Open {
 }
 
 /// Checks that
-/// * operands precede their users and lie in open regions, except that `join` and `final` look into the regions that
-///   their `end` closed;
+/// * operands precede their users and lie in open regions, except that `join`, `final` and `tape` look into the regions
+///   that their `end` closed;
 /// * kinds fit: conditions are bools, bounds ints, operands as the op table says;
 /// * marks are nested and linked to each other, and `counter`, `carried`, `join`, `final` name the right ones;
 /// * each `carried` has exactly one `final`, and the finals of a loop follow its end, with nothing but constants between;
+/// * a `tape` is named by `recall`s alone, and the bounds of its loop are constants (once those are rounded: before, they
+///   are what folds to constants), at least one iteration apart;
 /// * inputs come first, and outputs lie in the outermost region.
 ///
 /// # Errors
@@ -90,23 +92,29 @@ impl Checker<'_> {
         }
         for output in &self.graph.outputs {
             let inside = self.region.get(output.node.index()) != Some(&NodeId::NONE);
-            if inside || self.is_mark(output.node) {
+            if inside || self.is_no_value(output.node) {
                 return Err(VerifyError { node: output.node, what: format!("cannot be the output {}", output.name) });
             }
         }
         Ok(())
     }
 
-    fn is_mark(&self, id: NodeId) -> bool {
+    fn is_no_value(&self, id: NodeId) -> bool {
         matches!(
             self.graph.get(id),
-            None | Some(Node::Gamma { .. } | Node::Else { .. } | Node::Theta { .. } | Node::End { .. })
+            None | Some(
+                Node::Gamma { .. } | Node::Else { .. } | Node::Theta { .. } | Node::End { .. } | Node::Tape { .. }
+            )
         )
     }
 
     /// A value that is visible here.
     fn operand(&self, at: NodeId, x: NodeId, want: Scalar) -> Result<(), String> {
         self.value(at, x, want)?;
+        self.visible(x)
+    }
+
+    fn visible(&self, x: NodeId) -> Result<(), String> {
         let region = self.region.get(x.index()).copied().unwrap_or(NodeId::NONE);
         if region != NodeId::NONE && !self.open.iter().rev().any(|o| o.start == region) {
             return Err(format!("operand %{} lies in a region that is not open here", x.0));
@@ -116,11 +124,20 @@ impl Checker<'_> {
 
     /// An earlier value of this kind, wherever it lies.
     fn value(&self, at: NodeId, x: NodeId, want: Scalar) -> Result<(), String> {
-        if x >= at || self.is_mark(x) {
+        if x >= at || self.is_no_value(x) {
             return Err(format!("operand %{} is no earlier value", x.0));
         }
         let got = self.graph.scalar(x);
         if got == want { Ok(()) } else { Err(format!("operand %{} is {got}, must be {want}", x.0)) }
+    }
+
+    /// A component of a box that is visible here.
+    fn within(&self, at: NodeId, x: NodeId) -> Result<(), String> {
+        self.operand(at, x, Scalar::Bool)?;
+        match self.graph.get(x) {
+            Some(Node::Within { .. }) => Ok(()),
+            _ => Err(format!("operand %{} is no component of a box", x.0)),
+        }
     }
 
     fn inside(&self, owner: NodeId) -> bool {
@@ -153,6 +170,15 @@ impl Checker<'_> {
             Node::Diff { value, wrt } => {
                 self.operand(id, value, Scalar::Real)?;
                 self.operand(id, wrt, Scalar::Real)
+            }
+            Node::Within { wrt, lo, hi, nan, next } => {
+                [wrt, lo, hi].into_iter().try_for_each(|x| self.operand(id, x, Scalar::Real))?;
+                self.operand(id, nan, Scalar::Bool)?;
+                if next == NodeId::NONE { Ok(()) } else { self.within(id, next) }
+            }
+            Node::Bound { value, within, .. } => {
+                self.operand(id, value, Scalar::Real)?;
+                self.within(id, within)
             }
             Node::Gamma { cond, otherwise, end } => {
                 self.operand(id, cond, Scalar::Bool)?;
@@ -248,6 +274,31 @@ impl Checker<'_> {
                     return Err("an iteration cannot give it what is computed after the loop".into());
                 }
                 self.result(id, next, kind, begin)
+            }
+            Node::Tape { end, value, every } => {
+                let Some(Node::End { begin }) = self.graph.get(end) else { return Err("of no end".into()) };
+                let Some(Node::Theta { lo, hi, .. }) = self.graph.get(begin) else { return Err("of no loop".into()) };
+                self.closed_here(id, end)?;
+                self.result(id, value, kind, begin)?;
+                if every == 0 {
+                    return Err("of no iteration".into());
+                }
+                match (self.graph.get(lo), self.graph.get(hi)) {
+                    (Some(Node::Int(lo)), Some(Node::Int(hi))) if lo < hi => Ok(()),
+                    (Some(Node::Int(_)), Some(Node::Int(_))) => Err("of a loop without an iteration".into()),
+                    _ if self.graph.precision.is_some() => Err("of a loop whose bounds are not constant".into()),
+                    _ => Ok(()),
+                }
+            }
+            Node::Recall { tape, at } => {
+                self.operand(id, at, Scalar::Int)?;
+                if tape >= id || !matches!(self.graph.get(tape), Some(Node::Tape { .. })) {
+                    return Err("of no tape".into());
+                }
+                if self.graph.scalar(tape) != kind {
+                    return Err("of another kind than its tape".into());
+                }
+                self.visible(tape)
             }
         }
     }

@@ -11,6 +11,7 @@ const KERNELS: &[Op] = &[
     Op::Exp, Op::Exp2, Op::Log, Op::Log2, Op::Pow,
     Op::Sin, Op::Cos, Op::Tan, Op::Asin, Op::Acos, Op::Atan, Op::Atan2,
     Op::Sinh, Op::Cosh, Op::Tanh, Op::Asinh, Op::Acosh, Op::Atanh,
+    Op::Softplus, Op::Sigmoid,
 ];
 
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
@@ -39,6 +40,9 @@ fn reference(op: Op, x: f64, y: f64) -> f64 {
         Op::Asinh => exact::asinh(x),
         Op::Acosh => exact::acosh(x),
         Op::Atanh => exact::atanh(x),
+        // Within 1½ units of the correctly rounded f64.
+        Op::Softplus => exact::log1p(exact::exp(-x.abs())) + if x < 0.0 { 0.0 } else { x },
+        Op::Sigmoid => (if x < 0.0 { exact::exp(x) } else { 1.0 }) / (1.0 + exact::exp(-x.abs())),
         _ => panic!("{op} is no kernel"),
     }
 }
@@ -390,6 +394,14 @@ fn hyperbolic_functions_follow_c() {
     assert_exact_unary(Op::Acosh, &acosh);
     let atanh = [(1.0, INF), (-1.0, -INF), (1.000_001, NAN), (-1.000_001, NAN), (3.0, NAN), (INF, NAN), (-INF, NAN)];
     assert_exact_unary(Op::Atanh, &atanh);
+}
+
+#[test]
+fn steps_and_corners_saturate() {
+    let sigmoid = [(0.0, 0.5), (-0.0, 0.5), (INF, 1.0), (-INF, 0.0), (1e30, 1.0), (-1e30, 0.0), (NAN, NAN)];
+    assert_exact_unary(Op::Sigmoid, &sigmoid);
+    let softplus = [(0.0, std::f64::consts::LN_2), (INF, INF), (-INF, 0.0), (1e30, 1e30), (-1e30, 0.0), (NAN, NAN)];
+    assert_exact_unary(Op::Softplus, &softplus);
 }
 
 #[test]

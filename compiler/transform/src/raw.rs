@@ -37,6 +37,13 @@ impl<'g> RawCopy<'g> {
             Node::Apply(op, args) => b.append(Node::Apply(op, args.map(|x| self.to(x))), scalar),
             Node::Fresh(x) => b.fresh(self.to(x)),
             Node::Diff { value, wrt } => b.append(Node::Diff { value: self.to(value), wrt: self.to(wrt) }, scalar),
+            Node::Within { wrt, lo, hi, nan, next } => {
+                let (wrt, lo, hi, nan) = (self.to(wrt), self.to(lo), self.to(hi), self.to(nan));
+                b.append(Node::Within { wrt, lo, hi, nan, next: self.to(next) }, scalar)
+            }
+            Node::Bound { value, within, part } => {
+                b.append(Node::Bound { value: self.to(value), within: self.to(within), part }, scalar)
+            }
             Node::Gamma { cond, .. } => b.gamma(self.to(cond)),
             Node::Else { .. } => {
                 b.otherwise();
@@ -48,6 +55,8 @@ impl<'g> RawCopy<'g> {
             Node::End { .. } => b.end(),
             Node::Join { end, then, otherwise } => b.join(self.to(end), self.to(then), self.to(otherwise)),
             Node::Final { end, carried, next } => b.carry_out(self.to(end), self.to(carried), self.to(next)),
+            Node::Tape { end, value, every } => b.tape(self.to(end), self.to(value), every),
+            Node::Recall { tape, at } => b.recall(self.to(tape), self.to(at)),
         };
         self.set(id, to);
         to

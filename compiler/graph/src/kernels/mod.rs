@@ -13,6 +13,7 @@ mod arc;
 mod exp;
 mod hyperbolic;
 mod pow;
+mod smooth;
 mod trig;
 mod write;
 
@@ -20,4 +21,5 @@ pub use arc::{acos, asin, atan, atan2};
 pub use exp::{exp, exp2, log, log2};
 pub use hyperbolic::{acosh, asinh, atanh, cosh, sinh, tanh};
 pub use pow::pow;
+pub use smooth::{sigmoid, softplus};
 pub use trig::{cos, sin, tan};

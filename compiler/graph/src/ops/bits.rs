@@ -2,7 +2,7 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "the f32 evaluation narrows on purpose")]
 
-use super::{Accuracy, Derivative, I, Kink, Lowering, OpDef, Partial, R, eval, rule};
+use super::{Accuracy, Derivative, I, Kink, Lowering, OpDef, Partial, R, enclose, enclose::enclosed, eval, kink, rule};
 
 const ANY: (f64, f64) = (-100.0, 100.0);
 
@@ -24,10 +24,14 @@ pub const COPYSIGN: OpDef = OpDef {
     ]),
     kink: Kink::Where {
         set: "a = 0 or b = 0",
-        discriminant: |v| v.iter().copied().fold(f64::INFINITY, |m, x| if x.abs() < m.abs() { x } else { m }),
+        measure: "the nearer to 0 of a and b",
+        slopes: ["±a′", "±a′; 0 at a = 0", "±a′"],
+        jumps: true,
+        discriminant: kink::nearer_to_zero,
     },
     domain: &[ANY, ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real, s: real| -> Real { enclose::copysign(b, a, s) }),
     cost: 1,
     lowering: Lowering::Lanes {
         f32x4: "b a i32:-2147483648 v128.bitselect",
@@ -55,6 +59,7 @@ pub const EXPONENT: OpDef = OpDef {
     kink: Kink::None,
     domain: &[ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Int { enclose::int::exponent(b, a) }),
     cost: 3,
     lowering: Lowering::Lanes {
         f32x4: "a f32x4.abs i32x4.shr_u:23 i32:127 i32x4.sub",
@@ -94,6 +99,7 @@ pub const SCALE: OpDef = OpDef {
     kink: Kink::None,
     domain: &[ANY, (-20.0, 20.0)],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real, n: int| -> Real { enclose::int::scale(b, a, n) }),
     cost: 5,
     lowering: Lowering::Lanes {
         f32x4: "a b i32:-126 i32x4.max_s i32:127 i32x4.min_s i32:127 i32x4.add i32x4.shl:23 f32x4.mul",

@@ -7,8 +7,11 @@
     reason = "casts are the point"
 )]
 
-use super::{Accuracy, B, Derivative, Eval, I, Kink, Lowering, OpDef, R, eval, fragment};
-use crate::Scalar;
+use super::{
+    Accuracy, B, Derivative, EnclosureRule, Eval, I, Kink, Lowering, OpDef, R, enclose::enclosed, enclose::int as ints,
+    eval, fragment, kink,
+};
+use crate::{Op, Scalar};
 
 const SMALL: (f64, f64) = (-100.0, 100.0);
 
@@ -20,6 +23,7 @@ const fn int(
     formula: &'static str,
     commutes: bool,
     eval: Eval,
+    enclosure: EnclosureRule,
     cost: u32,
     lowering: Lowering,
 ) -> OpDef {
@@ -34,6 +38,7 @@ const fn int(
         kink: Kink::None,
         domain: if operands.len() == 1 { &[SMALL] } else { &[SMALL; 2] },
         accuracy: Accuracy::Exact,
+        enclosure,
         cost,
         lowering,
     }
@@ -50,6 +55,7 @@ pub const ADD: OpDef = int(
     "a + b mod 2³²",
     true,
     eval!(|a: Int, b: Int| -> Int { a.wrapping_add(b) }),
+    enclosed!(|b, x: int, y: int| -> Int { ints::add(b, x, y) }),
     1,
     same("a b i32x4.add"),
 );
@@ -60,6 +66,7 @@ pub const SUB: OpDef = int(
     "a − b mod 2³²",
     false,
     eval!(|a: Int, b: Int| -> Int { a.wrapping_sub(b) }),
+    enclosed!(|b, x: int, y: int| -> Int { ints::sub(b, x, y) }),
     1,
     same("a b i32x4.sub"),
 );
@@ -70,6 +77,7 @@ pub const MUL: OpDef = int(
     "a·b mod 2³²",
     true,
     eval!(|a: Int, b: Int| -> Int { a.wrapping_mul(b) }),
+    enclosed!(|b, x: int, y: int| -> Int { ints::mul(b, x, y) }),
     2,
     same("a b i32x4.mul"),
 );
@@ -82,6 +90,7 @@ pub const DIV: OpDef = int(
     "a / b toward 0; 0 if b = 0",
     false,
     eval!(|a: Int, b: Int| -> Int { if b == 0 { 0 } else { a.wrapping_div(b) } }),
+    enclosed!(|b, x: int, y: int| -> Int { ints::div(b, x, y) }),
     16,
     Lowering::Lanes {
         f32x4: "a f64x2.convert_low_i32x4_s b f64x2.convert_low_i32x4_s f64x2.div i32x4.trunc_sat_f64x2_s_zero \
@@ -108,6 +117,7 @@ pub const REM: OpDef = int(
             if r != 0 && ((r < 0) != (b < 0)) { r.wrapping_add(b) } else { r }
         }
     }),
+    enclosed!(|b, x: int, y: int| -> Int { ints::rem(b, x, y) }),
     24,
     fragment!(|b, [x, y], _p| {
         let zero = b.int(0);
@@ -127,10 +137,28 @@ pub const REM: OpDef = int(
         b.select_int(nothing, zero, floored)
     }),
 );
-pub const NEG: OpDef =
-    int("ineg", &[I], I, "−a mod 2³²", false, eval!(|a: Int| -> Int { a.wrapping_neg() }), 1, same("a i32x4.neg"));
-pub const ABS: OpDef =
-    int("iabs", &[I], I, "|a| mod 2³²", false, eval!(|a: Int| -> Int { a.wrapping_abs() }), 1, same("a i32x4.abs"));
+pub const NEG: OpDef = int(
+    "ineg",
+    &[I],
+    I,
+    "−a mod 2³²",
+    false,
+    eval!(|a: Int| -> Int { a.wrapping_neg() }),
+    enclosed!(|b, x: int| -> Int { ints::neg(b, x) }),
+    1,
+    same("a i32x4.neg"),
+);
+pub const ABS: OpDef = int(
+    "iabs",
+    &[I],
+    I,
+    "|a| mod 2³²",
+    false,
+    eval!(|a: Int| -> Int { a.wrapping_abs() }),
+    enclosed!(|b, x: int| -> Int { ints::abs(b, x) }),
+    1,
+    same("a i32x4.abs"),
+);
 pub const MIN: OpDef = int(
     "imin",
     &[I, I],
@@ -138,6 +166,7 @@ pub const MIN: OpDef = int(
     "the smaller",
     true,
     eval!(|a: Int, b: Int| -> Int { a.min(b) }),
+    enclosed!(|b, x: int, y: int| -> Int { ints::pairwise(b, Op::IntMin, x, y) }),
     1,
     same("a b i32x4.min_s"),
 );
@@ -148,6 +177,7 @@ pub const MAX: OpDef = int(
     "the larger",
     true,
     eval!(|a: Int, b: Int| -> Int { a.max(b) }),
+    enclosed!(|b, x: int, y: int| -> Int { ints::pairwise(b, Op::IntMax, x, y) }),
     1,
     same("a b i32x4.max_s"),
 );
@@ -158,6 +188,7 @@ pub const SIGN: OpDef = int(
     "1 if 0 < a, −1 if a < 0, else 0",
     false,
     eval!(|a: Int| -> Int { a.signum() }),
+    enclosed!(|b, x: int| -> Int { ints::ends(b, Op::IntSign, x) }),
     2,
     same("a i32:-1 i32x4.max_s i32:1 i32x4.min_s"),
 );
@@ -168,6 +199,7 @@ pub const EQ: OpDef = int(
     "a = b",
     true,
     eval!(|a: Int, b: Int| -> Bool { a == b }),
+    enclosed!(|b, x: int, y: int| -> Bool { ints::eq(b, x, y) }),
     1,
     Lowering::Lanes { f32x4: "a b i32x4.eq", f64x2: "a b i32x4.eq i64x2.extend_low_i32x4_s" },
 );
@@ -178,6 +210,7 @@ pub const LT: OpDef = int(
     "a < b",
     false,
     eval!(|a: Int, b: Int| -> Bool { a < b }),
+    enclosed!(|b, x: int, y: int| -> Bool { ints::lt(b, x, y) }),
     1,
     Lowering::Lanes { f32x4: "a b i32x4.lt_s", f64x2: "a b i32x4.lt_s i64x2.extend_low_i32x4_s" },
 );
@@ -188,6 +221,7 @@ pub const LE: OpDef = int(
     "a ≤ b",
     false,
     eval!(|a: Int, b: Int| -> Bool { a <= b }),
+    enclosed!(|b, x: int, y: int| -> Bool { ints::le(b, x, y) }),
     1,
     Lowering::Lanes { f32x4: "a b i32x4.le_s", f64x2: "a b i32x4.le_s i64x2.extend_low_i32x4_s" },
 );
@@ -202,6 +236,7 @@ pub const TO_REAL: OpDef = OpDef {
     kink: Kink::None,
     domain: &[SMALL],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, n: int| -> Real { ints::to_real(b, n) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a f32x4.convert_i32x4_s", f64x2: "a f64x2.convert_low_i32x4_s" },
 };
@@ -213,9 +248,16 @@ pub const FROM_REAL: OpDef = OpDef {
     commutes: false,
     eval: eval!(|a: Real| -> Int { a as i32 }),
     derivative: Derivative::Zero,
-    kink: Kink::Where { set: "a is an integer", discriminant: |v| v.first().map_or(f64::NAN, |a| a - a.round()) },
+    kink: Kink::Where {
+        set: "a is an integer other than 0",
+        measure: "a − the nearest of them",
+        slopes: kink::FLAT,
+        jumps: true,
+        discriminant: kink::past_integer_not_zero,
+    },
     domain: &[SMALL],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Int { ints::from_real(b, a) }),
     cost: 3,
     lowering: Lowering::Lanes { f32x4: "a i32x4.trunc_sat_f32x4_s", f64x2: "a i32x4.trunc_sat_f64x2_s_zero" },
 };

@@ -3,17 +3,23 @@
 //! beside this one and one line in the list below.
 
 mod bits;
+mod directed;
+mod enclose;
+mod enclose_functions;
 mod int;
+mod kink;
 mod real;
 mod rewrite;
+mod smooth;
 mod transcendental;
 mod truth;
 
 use std::fmt;
 
-use crate::{Builder, Mode, NodeId, Precision, Scalar, Unwatched, Value};
+use crate::{Builder, Enclosure, Facts, Mode, NodeId, Precision, Scalar, Unwatched, Value};
 
-pub use rewrite::rewrite;
+pub use kink::{Discriminant, Kink, discriminant};
+pub use rewrite::{Fit, LETTERS, Letter, REWRITES, Rewrite, Term, applicable, rewrite};
 
 macro_rules! table {
     ($( $op:ident => $def:path; )+) => {
@@ -43,6 +49,8 @@ table! {
     Abs => real::ABS;
     Min => real::MIN;
     Max => real::MAX;
+    Fract => real::FRACT;
+    Mod => real::MOD;
     Floor => real::FLOOR;
     Ceil => real::CEIL;
     Trunc => real::TRUNC;
@@ -70,6 +78,26 @@ table! {
     Asinh => transcendental::ASINH;
     Acosh => transcendental::ACOSH;
     Atanh => transcendental::ATANH;
+    Softplus => smooth::SOFTPLUS;
+    Sigmoid => smooth::SIGMOID;
+    Rounded => directed::ROUNDED;
+    NextDown => directed::NEXT_DOWN;
+    NextUp => directed::NEXT_UP;
+    AddDown => directed::ADD_DOWN;
+    AddUp => directed::ADD_UP;
+    MulDown => directed::MUL_DOWN;
+    MulUp => directed::MUL_UP;
+    DivDown => directed::DIV_DOWN;
+    DivUp => directed::DIV_UP;
+    SqrtDown => directed::SQRT_DOWN;
+    SqrtUp => directed::SQRT_UP;
+    Above => directed::ABOVE;
+    Below => directed::BELOW;
+    Raised => directed::RAISED;
+    Lowered => directed::LOWERED;
+    ProductBelow => directed::PRODUCT_BELOW;
+    WideProductBelow => directed::WIDE_PRODUCT_BELOW;
+    WideProductAbove => directed::WIDE_PRODUCT_ABOVE;
     Copysign => bits::COPYSIGN;
     Exponent => bits::EXPONENT;
     Scale => bits::SCALE;
@@ -98,6 +126,15 @@ table! {
     IntLe => int::LE;
     IntToReal => int::TO_REAL;
     RealToInt => int::FROM_REAL;
+}
+
+impl Op {
+    /// Whether it means nothing for some operands. Only the fragments of directed rounding take such steps, and never
+    /// give them those.
+    #[must_use]
+    pub const fn is_partial(self) -> bool {
+        matches!(self, Self::Above | Self::Below | Self::Raised | Self::Lowered)
+    }
 }
 
 impl fmt::Display for Op {
@@ -131,6 +168,8 @@ pub struct OpDef {
     pub domain: &'static [(f64, f64)],
     /// The error promised.
     pub accuracy: Accuracy,
+    /// What encloses the result.
+    pub enclosure: EnclosureRule,
     /// Time in units of an addition.
     pub cost: u32,
     /// How a target computes it.
@@ -159,6 +198,10 @@ impl Eval {
 
 /// A rule in graph operations: the builder, the operands, the result.
 pub type Rule = fn(&mut Builder<'_>, &[NodeId], NodeId) -> NodeId;
+
+/// What encloses the result, in graph operations: the builder, what encloses the operands (tidy), and what else is
+/// known of them (LANGUAGE 15.4 to 15.6).
+pub type EnclosureRule = fn(&mut Builder<'_>, &[Enclosure], Facts) -> Enclosure;
 
 /// How the result changes with the operands. One rule serves forward and reverse mode and, being written in the
 /// same operations, every higher order.
@@ -193,25 +236,14 @@ pub enum Partial {
     Of(Rule),
 }
 
-/// Where an operation is not differentiable, or its derivative follows a convention (LANGUAGE 13.6).
-#[derive(Debug, Clone)]
-pub enum Kink {
-    /// Nowhere inside its domain.
-    None,
-    /// Where the discriminant, a function of the operands, is 0.
-    Where {
-        /// In words.
-        set: &'static str,
-        /// Continuous near the set and 0 on it.
-        discriminant: fn(&[f64]) -> f64,
-    },
-}
-
 /// The error promised on the domain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Accuracy {
     /// The result of the formula with each operation rounded on its own, bit for bit (LANGUAGE 17.2).
     Exact,
+    /// The number of `real` next to the exact result on one side. Constants too are computed in `real`: an end that is
+    /// rounded twice may lie inside of what it encloses.
+    Directed,
     /// At most so many units in the last place from the exact result (LANGUAGE 17.4).
     Ulp {
         /// In f32.

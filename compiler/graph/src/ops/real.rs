@@ -2,8 +2,10 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "the f32 evaluation narrows on purpose")]
 
-use super::{Accuracy, Derivative, Kink, Lowering, OpDef, Partial, R, eval, fragment, rule};
-use crate::{Builder, NodeId};
+use super::{
+    Accuracy, Derivative, Kink, Lowering, OpDef, Partial, R, enclose, enclose::enclosed, eval, fragment, kink, rule,
+};
+use crate::{Builder, NodeId, Op};
 
 const ANY: (f64, f64) = (-100.0, 100.0);
 
@@ -18,6 +20,7 @@ pub const ADD: OpDef = OpDef {
     kink: Kink::None,
     domain: &[ANY, ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::add(b, a, c) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a b f32x4.add", f64x2: "a b f64x2.add" },
 };
@@ -33,6 +36,7 @@ pub const SUB: OpDef = OpDef {
     kink: Kink::None,
     domain: &[ANY, ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::sub(b, a, c) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a b f32x4.sub", f64x2: "a b f64x2.sub" },
 };
@@ -48,6 +52,7 @@ pub const MUL: OpDef = OpDef {
     kink: Kink::None,
     domain: &[ANY, ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, facts; a: real, c: real| -> Real { enclose::mul(b, a, c, facts.same) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a b f32x4.mul", f64x2: "a b f64x2.mul" },
 };
@@ -72,6 +77,7 @@ pub const DIV: OpDef = OpDef {
     kink: Kink::None,
     domain: &[ANY, (0.1, 100.0)],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::div(b, a, c) }),
     cost: 4,
     lowering: Lowering::Lanes { f32x4: "a b f32x4.div", f64x2: "a b f64x2.div" },
 };
@@ -87,6 +93,7 @@ pub const NEG: OpDef = OpDef {
     kink: Kink::None,
     domain: &[ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::neg(b, a) }),
     cost: 1,
     // Cranelift builds the mask of `f32x4.neg` and `abs` anew each time; a constant is one operand in memory.
     lowering: Lowering::Lanes { f32x4: "a i32:-2147483648 v128.xor", f64x2: "a i64:-9223372036854775808 v128.xor" },
@@ -104,9 +111,16 @@ pub const SQRT: OpDef = OpDef {
         let half = b.real(0.5);
         b.unit(half, r)
     })]),
-    kink: Kink::Where { set: "a = 0", discriminant: |v| v.first().copied().unwrap_or(f64::NAN) },
+    kink: Kink::Where {
+        set: "a = 0",
+        measure: "a",
+        slopes: [kink::OUTSIDE, "0", "a′/(2√a)"],
+        jumps: false,
+        discriminant: kink::first,
+    },
     domain: &[(0.0, 100.0)],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::sqrt(b, a) }),
     cost: 5,
     lowering: Lowering::Lanes { f32x4: "a f32x4.sqrt", f64x2: "a f64x2.sqrt" },
 };
@@ -128,6 +142,7 @@ pub const INVERSE_SQRT: OpDef = OpDef {
     kink: Kink::None,
     domain: &[(0.1, 100.0)],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::inverse_sqrt(b, a) }),
     cost: 9,
     lowering: fragment!(|b, [x], _p| {
         let (one, root) = (b.real(1.0), b.sqrt(x));
@@ -143,20 +158,19 @@ pub const ABS: OpDef = OpDef {
     commutes: false,
     eval: eval!(|a: Real| -> Real { a.abs() }),
     derivative: Derivative::Partials(&[rule!(|b, [x]| b.sign(x))]),
-    kink: Kink::Where { set: "a = 0", discriminant: |v| v.first().copied().unwrap_or(f64::NAN) },
+    kink: Kink::Where {
+        set: "a = 0",
+        measure: "a",
+        slopes: ["−a′", "0", "a′"],
+        jumps: false,
+        discriminant: kink::first,
+    },
     domain: &[ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::abs(b, a) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a i32:2147483647 v128.and", f64x2: "a i64:9223372036854775807 v128.and" },
 };
-
-/// a − b for two operands: where `min` and `max` have their kink.
-fn difference(v: &[f64]) -> f64 {
-    match v {
-        [a, b] => a - b,
-        _ => f64::NAN,
-    }
-}
 
 pub const MIN: OpDef = OpDef {
     name: "min",
@@ -173,9 +187,16 @@ pub const MIN: OpDef = OpDef {
         then: 1,
         otherwise: 0,
     },
-    kink: Kink::Where { set: "a = b", discriminant: difference },
+    kink: Kink::Where {
+        set: "a = b",
+        measure: "a − b",
+        slopes: ["a′", "a′", "b′"],
+        jumps: false,
+        discriminant: kink::difference,
+    },
     domain: &[ANY, ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::min(b, a, c) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a b f32x4.pmin", f64x2: "a b f64x2.pmin" },
 };
@@ -195,17 +216,19 @@ pub const MAX: OpDef = OpDef {
         then: 1,
         otherwise: 0,
     },
-    kink: Kink::Where { set: "a = b", discriminant: difference },
+    kink: Kink::Where {
+        set: "a = b",
+        measure: "a − b",
+        slopes: ["b′", "a′", "a′"],
+        jumps: false,
+        discriminant: kink::difference,
+    },
     domain: &[ANY, ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::max(b, a, c) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a b f32x4.pmax", f64x2: "a b f64x2.pmax" },
 };
-
-/// Distance to the nearest integer: where `floor`, `ceil` and `trunc` jump.
-fn to_integer(v: &[f64]) -> f64 {
-    v.first().map_or(f64::NAN, |a| a - a.round())
-}
 
 pub const FLOOR: OpDef = OpDef {
     name: "floor",
@@ -215,11 +238,79 @@ pub const FLOOR: OpDef = OpDef {
     commutes: false,
     eval: eval!(|a: Real| -> Real { a.floor() }),
     derivative: Derivative::Zero,
-    kink: Kink::Where { set: "a is an integer", discriminant: to_integer },
+    kink: Kink::Where {
+        set: "a is an integer",
+        measure: "a − round(a)",
+        slopes: kink::FLAT,
+        jumps: true,
+        discriminant: kink::past_integer,
+    },
     domain: &[ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::ends(b, Op::Floor, a) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a f32x4.floor", f64x2: "a f64x2.floor" },
+};
+
+/// An operation of its own, because it is enclosed more tightly than its formula (LANGUAGE 15.4).
+pub const FRACT: OpDef = OpDef {
+    name: "fract",
+    operands: &[R],
+    result: R,
+    formula: "a − ⌊a⌋",
+    commutes: false,
+    eval: eval!(|a: Real| -> Real { a - a.floor() }),
+    derivative: Derivative::Partials(&[Partial::One]),
+    kink: Kink::Where {
+        set: "a is an integer",
+        measure: "a − round(a)",
+        slopes: ["a′"; 3],
+        jumps: true,
+        discriminant: kink::past_integer,
+    },
+    domain: &[ANY],
+    accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::fract(b, a) }),
+    cost: 2,
+    lowering: fragment!(|b, [x], _p| {
+        let whole = b.floor(x);
+        b.sub(x, whole)
+    }),
+};
+
+/// An operation of its own for the same reason.
+pub const MOD: OpDef = OpDef {
+    name: "mod",
+    operands: &[R, R],
+    result: R,
+    formula: "a − b⌊a/b⌋",
+    commutes: false,
+    eval: eval!(|a: Real, b: Real| -> Real { a - b * (a / b).floor() }),
+    derivative: Derivative::Partials(&[
+        Partial::One,
+        rule!(|b, [x, y]| {
+            let ratio = b.div(x, y);
+            let whole = b.floor(ratio);
+            b.neg(whole)
+        }),
+    ]),
+    kink: Kink::Where {
+        set: "a/b is an integer",
+        measure: "b·(a/b − round(a/b))",
+        slopes: ["a′ − ⌊a/b⌋·b′"; 3],
+        jumps: true,
+        discriminant: kink::past_multiple,
+    },
+    domain: &[ANY, (0.1, 100.0)],
+    accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::modulo(b, a, c) }),
+    cost: 7,
+    lowering: fragment!(|b, [x, y], _p| {
+        let ratio = b.div(x, y);
+        let whole = b.floor(ratio);
+        let less = b.mul(y, whole);
+        b.sub(x, less)
+    }),
 };
 
 pub const CEIL: OpDef = OpDef {
@@ -230,9 +321,16 @@ pub const CEIL: OpDef = OpDef {
     commutes: false,
     eval: eval!(|a: Real| -> Real { a.ceil() }),
     derivative: Derivative::Zero,
-    kink: Kink::Where { set: "a is an integer", discriminant: to_integer },
+    kink: Kink::Where {
+        set: "a is an integer",
+        measure: "a − round(a)",
+        slopes: kink::FLAT,
+        jumps: true,
+        discriminant: kink::past_integer,
+    },
     domain: &[ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::ends(b, Op::Ceil, a) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a f32x4.ceil", f64x2: "a f64x2.ceil" },
 };
@@ -245,9 +343,16 @@ pub const TRUNC: OpDef = OpDef {
     commutes: false,
     eval: eval!(|a: Real| -> Real { a.trunc() }),
     derivative: Derivative::Zero,
-    kink: Kink::Where { set: "a is an integer", discriminant: to_integer },
+    kink: Kink::Where {
+        set: "a is an integer other than 0",
+        measure: "a − the nearest of them",
+        slopes: kink::FLAT,
+        jumps: true,
+        discriminant: kink::past_integer_not_zero,
+    },
     domain: &[ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::ends(b, Op::Trunc, a) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "a f32x4.trunc", f64x2: "a f64x2.trunc" },
 };
@@ -262,10 +367,14 @@ pub const ROUND: OpDef = OpDef {
     derivative: Derivative::Zero,
     kink: Kink::Where {
         set: "a is an integer and a half",
-        discriminant: |v| v.first().map_or(f64::NAN, |a| a - a.floor() - 0.5),
+        measure: "|a| − ⌊|a|⌋ − ½",
+        slopes: kink::FLAT,
+        jumps: true,
+        discriminant: kink::past_half,
     },
     domain: &[ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::ends(b, Op::Round, a) }),
     cost: 6,
     // x − trunc(x) is exact, so no double rounding as in trunc(x + ½).
     lowering: fragment!(|b, [x], _p| {
@@ -296,9 +405,10 @@ pub const SIGN: OpDef = OpDef {
         }
     }),
     derivative: Derivative::Zero,
-    kink: Kink::Where { set: "a = 0", discriminant: |v| v.first().copied().unwrap_or(f64::NAN) },
+    kink: Kink::Where { set: "a = 0", measure: "a", slopes: kink::FLAT, jumps: true, discriminant: kink::first },
     domain: &[ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, a: real| -> Real { enclose::ends(b, Op::Sign, a) }),
     cost: 4,
     lowering: fragment!(|b, [x], _p| {
         let (zero, one) = (b.real(0.0), b.real(1.0));
@@ -320,11 +430,6 @@ fn length(b: &mut Builder<'_>, v: &[NodeId]) -> NodeId {
     sum.map_or(NodeId::NONE, |s| b.sqrt(s))
 }
 
-/// 0 where the length computes 0.
-fn norm(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
 pub const LENGTH2: OpDef = OpDef {
     name: "length2",
     operands: &[R, R],
@@ -333,9 +438,16 @@ pub const LENGTH2: OpDef = OpDef {
     commutes: true,
     eval: eval!(|a: Real, b: Real| -> Real { (a * a + b * b).sqrt() }),
     derivative: Derivative::Partials(&[rule!(|b, [x, _y], r| b.unit(x, r)), rule!(|b, [_x, y], r| b.unit(y, r))]),
-    kink: Kink::Where { set: "the length is 0", discriminant: norm },
+    kink: Kink::Where {
+        set: "the length is 0",
+        measure: "the length",
+        slopes: [kink::NEVER, "0", "(a·a′ + b·b′) / the length"],
+        jumps: false,
+        discriminant: kink::length,
+    },
     domain: &[ANY; 2],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, x: real, y: real| -> Real { enclose::length(b, &[x, y]) }),
     cost: 8,
     lowering: fragment!(|b, [x, y], _p| length(b, &[x, y])),
 };
@@ -352,9 +464,16 @@ pub const LENGTH3: OpDef = OpDef {
         rule!(|b, [_x, y, _z], r| b.unit(y, r)),
         rule!(|b, [_x, _y, z], r| b.unit(z, r)),
     ]),
-    kink: Kink::Where { set: "the length is 0", discriminant: norm },
+    kink: Kink::Where {
+        set: "the length is 0",
+        measure: "the length",
+        slopes: [kink::NEVER, "0", "(a·a′ + b·b′ + c·c′) / the length"],
+        jumps: false,
+        discriminant: kink::length,
+    },
     domain: &[ANY; 3],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, x: real, y: real, z: real| -> Real { enclose::length(b, &[x, y, z]) }),
     cost: 10,
     lowering: fragment!(|b, [x, y, z], _p| length(b, &[x, y, z])),
 };
@@ -372,9 +491,16 @@ pub const LENGTH4: OpDef = OpDef {
         rule!(|b, [_x, _y, z, _w], r| b.unit(z, r)),
         rule!(|b, [_x, _y, _z, w], r| b.unit(w, r)),
     ]),
-    kink: Kink::Where { set: "the length is 0", discriminant: norm },
+    kink: Kink::Where {
+        set: "the length is 0",
+        measure: "the length",
+        slopes: [kink::NEVER, "0", "(a·a′ + b·b′ + c·c′ + d·d′) / the length"],
+        jumps: false,
+        discriminant: kink::length,
+    },
     domain: &[ANY; 4],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, x: real, y: real, z: real, w: real| -> Real { enclose::length(b, &[x, y, z, w]) }),
     cost: 12,
     lowering: fragment!(|b, [x, y, z, w], _p| length(b, &[x, y, z, w])),
 };
@@ -398,9 +524,16 @@ pub const UNIT: OpDef = OpDef {
             b.neg(slope)
         }),
     ]),
-    kink: Kink::Where { set: "b = 0", discriminant: |v| v.get(1).copied().unwrap_or(f64::NAN) },
+    kink: Kink::Where {
+        set: "b = 0",
+        measure: "b",
+        slopes: ["(a′ − (a/b)·b′)/b", "0", "(a′ − (a/b)·b′)/b"],
+        jumps: true,
+        discriminant: kink::second,
+    },
     domain: &[(-1.0, 1.0), (1.0, 100.0)],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, facts; a: real, l: real| -> Real { enclose::unit(b, a, l, facts.part) }),
     cost: 6,
     lowering: fragment!(|b, [x, l], _p| {
         let zero = b.real(0.0);

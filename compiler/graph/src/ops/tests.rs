@@ -1,4 +1,4 @@
-use super::{Accuracy, Derivative, Kink, Lowering, Op, constant};
+use super::{Accuracy, Derivative, Kink, Lowering, Op, constant, discriminant};
 use crate::{Builder, Evaluator, Mode, NodeId, Precision, Scalar, Unwatched, Value};
 
 const SPECIAL: [f64; 14] =
@@ -40,7 +40,7 @@ fn declarations_fit_together() {
         let def = op.def();
         assert_eq!(def.domain.len(), def.operands.len(), "{op}");
         assert!(def.domain.iter().all(|(lo, hi)| lo <= hi), "{op}");
-        assert!(def.cost > 0 && !def.formula.is_empty(), "{op}");
+        assert!((def.cost > 0 || *op == Op::Rounded) && !def.formula.is_empty(), "{op}");
         match &def.derivative {
             Derivative::Zero => {}
             Derivative::Partials(partials) => assert_eq!(partials.len(), def.operands.len(), "{op}"),
@@ -51,8 +51,10 @@ fn declarations_fit_together() {
         if !matches!(def.derivative, Derivative::Zero) {
             assert_eq!(def.result, Scalar::Real, "{op}");
         }
-        if let Kink::Where { discriminant, .. } = def.kink {
-            assert!(discriminant(&vec![0.5; def.operands.len()]).is_finite(), "{op}");
+        if let Kink::Where { set, measure, slopes, .. } = def.kink {
+            assert!(def.operands.iter().all(|s| *s == Scalar::Real), "{op}: discriminants are of reals");
+            assert!(discriminant(*op, &vec![0.5; def.operands.len()]).is_finite(), "{op}");
+            assert!([set, measure, slopes[0], slopes[1], slopes[2]].iter().all(|words| !words.is_empty()), "{op}");
         }
     }
 }

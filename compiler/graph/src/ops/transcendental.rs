@@ -3,12 +3,16 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "the f32 evaluation narrows on purpose")]
 
-use super::{Accuracy, Derivative, Eval, Kink, Lowering, OpDef, Partial, R, eval, rule};
+use super::{
+    Accuracy, Derivative, EnclosureRule, Eval, Kink, Lowering, OpDef, Partial, R, enclose::enclosed, enclose_functions,
+    eval, kink, rule,
+};
 use crate::{Scalar, kernels};
 
 /// The limits of LANGUAGE 17.4.
 const LIMIT: Accuracy = Accuracy::Ulp { f32: 2, f64: 4 };
 
+#[expect(clippy::too_many_arguments, reason = "one for each field in which functions differ")]
 const fn function(
     name: &'static str,
     formula: &'static str,
@@ -17,6 +21,7 @@ const fn function(
     kink: Kink,
     domain: &'static [(f64, f64)],
     lowering: Lowering,
+    enclosure: EnclosureRule,
 ) -> OpDef {
     const OPERANDS: &[Scalar] = &[R, R];
     OpDef {
@@ -30,14 +35,10 @@ const fn function(
         kink,
         domain,
         accuracy: LIMIT,
+        enclosure,
         cost: 20,
         lowering,
     }
-}
-
-/// 1 − |a|: where the arc functions of the unit interval have a vertical tangent.
-fn to_unit(v: &[f64]) -> f64 {
-    v.first().map_or(f64::NAN, |a| 1.0 - a.abs())
 }
 
 pub const EXP: OpDef = function(
@@ -48,6 +49,7 @@ pub const EXP: OpDef = function(
     Kink::None,
     &[(-20.0, 20.0)],
     Lowering::Fragment(kernels::exp),
+    enclosed!(|b, x: real| -> Real { enclose_functions::exp(b, x) }),
 );
 
 pub const EXP2: OpDef = function(
@@ -61,6 +63,7 @@ pub const EXP2: OpDef = function(
     Kink::None,
     &[(-30.0, 30.0)],
     Lowering::Fragment(kernels::exp2),
+    enclosed!(|b, x: real| -> Real { enclose_functions::exp2(b, x) }),
 );
 
 pub const LOG: OpDef = function(
@@ -74,6 +77,7 @@ pub const LOG: OpDef = function(
     Kink::None,
     &[(1e-3, 100.0)],
     Lowering::Fragment(kernels::log),
+    enclosed!(|b, x: real| -> Real { enclose_functions::log(b, x) }),
 );
 
 // x′/(x·ln 2), with the constant as its reciprocal: one rounding less.
@@ -88,6 +92,7 @@ pub const LOG2: OpDef = function(
     Kink::None,
     &[(1e-3, 100.0)],
     Lowering::Fragment(kernels::log2),
+    enclosed!(|b, x: real| -> Real { enclose_functions::log2(b, x) }),
 );
 
 pub const POW: OpDef = function(
@@ -116,9 +121,16 @@ pub const POW: OpDef = function(
             b.select(limit, zero, slope)
         }),
     ],
-    Kink::Where { set: "a = 0", discriminant: |v| v.first().copied().unwrap_or(f64::NAN) },
+    Kink::Where {
+        set: "a = 0 and 0 ≤ b < 1",
+        measure: "a where 0 ≤ b < 1, else +∞",
+        slopes: [kink::OUTSIDE, "0", "b·aᵇ⁻¹·a′ + aᵇ·ln a·b′"],
+        jumps: false,
+        discriminant: kink::root,
+    },
     &[(0.01, 10.0), (-4.0, 4.0)],
     Lowering::Fragment(kernels::pow),
+    enclosed!(|b, x: real, y: real| -> Real { enclose_functions::pow(b, x, y) }),
 );
 
 pub const SIN: OpDef = function(
@@ -129,6 +141,7 @@ pub const SIN: OpDef = function(
     Kink::None,
     &[(-100.0, 100.0)],
     Lowering::Fragment(kernels::sin),
+    enclosed!(|b, x: real| -> Real { enclose_functions::sin(b, x) }),
 );
 
 pub const COS: OpDef = function(
@@ -142,6 +155,7 @@ pub const COS: OpDef = function(
     Kink::None,
     &[(-100.0, 100.0)],
     Lowering::Fragment(kernels::cos),
+    enclosed!(|b, x: real| -> Real { enclose_functions::cos(b, x) }),
 );
 
 pub const TAN: OpDef = function(
@@ -156,6 +170,7 @@ pub const TAN: OpDef = function(
     Kink::None,
     &[(-1.5, 1.5)],
     Lowering::Fragment(kernels::tan),
+    enclosed!(|b, x: real| -> Real { enclose_functions::tan(b, x) }),
 );
 
 pub const ASIN: OpDef = function(
@@ -163,9 +178,16 @@ pub const ASIN: OpDef = function(
     "arcsin a",
     eval!(|a: Real| -> Real { a.asin() }),
     &[rule!(|b, [x]| inverse_chord(b, x))],
-    Kink::Where { set: "|a| = 1", discriminant: to_unit },
+    Kink::Where {
+        set: "|a| = 1",
+        measure: "1 − |a|",
+        slopes: [kink::OUTSIDE, "0", "a′/√(1 − a²)"],
+        jumps: false,
+        discriminant: kink::inside_unit,
+    },
     &[(-1.0, 1.0)],
     Lowering::Fragment(kernels::asin),
+    enclosed!(|b, x: real| -> Real { enclose_functions::asin(b, x) }),
 );
 
 pub const ACOS: OpDef = function(
@@ -176,9 +198,16 @@ pub const ACOS: OpDef = function(
         let slope = inverse_chord(b, x);
         b.neg(slope)
     })],
-    Kink::Where { set: "|a| = 1", discriminant: to_unit },
+    Kink::Where {
+        set: "|a| = 1",
+        measure: "1 − |a|",
+        slopes: [kink::OUTSIDE, "0", "−a′/√(1 − a²)"],
+        jumps: false,
+        discriminant: kink::inside_unit,
+    },
     &[(-1.0, 1.0)],
     Lowering::Fragment(kernels::acos),
+    enclosed!(|b, x: real| -> Real { enclose_functions::acos(b, x) }),
 );
 
 /// 1/√(1−x²), 0 at ±1 (LANGUAGE 13.6).
@@ -209,6 +238,7 @@ pub const ATAN: OpDef = function(
     Kink::None,
     &[(-100.0, 100.0)],
     Lowering::Fragment(kernels::atan),
+    enclosed!(|b, x: real| -> Real { enclose_functions::atan(b, x) }),
 );
 
 // With h = √(a² + b²): b/h² and −a/h², 0 where h computes 0. Dividing twice keeps h² from underflowing.
@@ -229,9 +259,16 @@ pub const ATAN2: OpDef = function(
             b.neg(slope)
         }),
     ],
-    Kink::Where { set: "a = b = 0", discriminant: |v| v.iter().map(|x| x * x).sum::<f64>().sqrt() },
+    Kink::Where {
+        set: "a = 0 and b ≤ 0",
+        measure: "the distance of (b, a) to that half-line, with the sign of a",
+        slopes: ["(b·a′ − a·b′)/(a² + b²)", "the same; 0 at a = b = 0", "(b·a′ − a·b′)/(a² + b²)"],
+        jumps: true,
+        discriminant: kink::off_cut,
+    },
     &[(-10.0, 10.0), (-10.0, 10.0)],
     Lowering::Fragment(kernels::atan2),
+    enclosed!(|b, y: real, x: real| -> Real { enclose_functions::atan2(b, y, x) }),
 );
 
 pub const SINH: OpDef = function(
@@ -242,6 +279,7 @@ pub const SINH: OpDef = function(
     Kink::None,
     &[(-20.0, 20.0)],
     Lowering::Fragment(kernels::sinh),
+    enclosed!(|b, x: real| -> Real { enclose_functions::sinh(b, x) }),
 );
 
 pub const COSH: OpDef = function(
@@ -252,6 +290,7 @@ pub const COSH: OpDef = function(
     Kink::None,
     &[(-20.0, 20.0)],
     Lowering::Fragment(kernels::cosh),
+    enclosed!(|b, x: real| -> Real { enclose_functions::cosh(b, x) }),
 );
 
 pub const TANH: OpDef = function(
@@ -262,6 +301,7 @@ pub const TANH: OpDef = function(
     Kink::None,
     &[(-4.0, 4.0)],
     Lowering::Fragment(kernels::tanh),
+    enclosed!(|b, x: real| -> Real { enclose_functions::tanh(b, x) }),
 );
 
 pub const ASINH: OpDef = function(
@@ -278,6 +318,7 @@ pub const ASINH: OpDef = function(
     Kink::None,
     &[(-100.0, 100.0)],
     Lowering::Fragment(kernels::asinh),
+    enclosed!(|b, x: real| -> Real { enclose_functions::asinh(b, x) }),
 );
 
 // 1/√(x²−1), 0 at 1 (LANGUAGE 13.6). The product of two roots keeps the digits that x² − 1 loses near 1, and is NaN
@@ -293,9 +334,16 @@ pub const ACOSH: OpDef = function(
         let root = b.mul(below, above);
         b.unit(one, root)
     })],
-    Kink::Where { set: "a = 1", discriminant: |v| v.first().map_or(f64::NAN, |a| a - 1.0) },
+    Kink::Where {
+        set: "a = 1",
+        measure: "a − 1",
+        slopes: [kink::OUTSIDE, "0", "a′/√(a² − 1)"],
+        jumps: false,
+        discriminant: kink::past_one,
+    },
     &[(1.0, 100.0)],
     Lowering::Fragment(kernels::acosh),
+    enclosed!(|b, x: real| -> Real { enclose_functions::acosh(b, x) }),
 );
 
 pub const ATANH: OpDef = function(
@@ -310,4 +358,5 @@ pub const ATANH: OpDef = function(
     Kink::None,
     &[(-0.9, 0.9)],
     Lowering::Fragment(kernels::atanh),
+    enclosed!(|b, x: real| -> Real { enclose_functions::atanh(b, x) }),
 );

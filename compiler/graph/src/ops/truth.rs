@@ -2,7 +2,9 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "the f32 evaluation narrows on purpose")]
 
-use super::{Accuracy, B, Derivative, I, Kink, Lowering, OpDef, R, eval};
+use super::{
+    Accuracy, B, Derivative, EnclosureRule, I, Kink, Lowering, OpDef, R, enclose::enclosed, enclose::truth, eval, kink,
+};
 use crate::{NodeId, Scalar};
 
 const ANY: (f64, f64) = (-100.0, 100.0);
@@ -13,6 +15,7 @@ const fn compare(
     formula: &'static str,
     commutes: bool,
     eval: super::Eval,
+    enclosure: EnclosureRule,
     f32x4: &'static str,
     f64x2: &'static str,
 ) -> OpDef {
@@ -24,9 +27,16 @@ const fn compare(
         commutes,
         eval,
         derivative: Derivative::Zero,
-        kink: Kink::None,
+        kink: Kink::Where {
+            set: "a = b",
+            measure: "a − b",
+            slopes: ["the branch taken for a < b", "the branch taken for a = b", "the branch taken for a > b"],
+            jumps: true,
+            discriminant: kink::difference,
+        },
         domain: &[ANY, ANY],
         accuracy: Accuracy::Exact,
+        enclosure,
         cost: 1,
         lowering: Lowering::Lanes { f32x4, f64x2 },
     }
@@ -38,6 +48,7 @@ const fn logic(
     domain: &'static [(f64, f64)],
     formula: &'static str,
     eval: super::Eval,
+    enclosure: EnclosureRule,
     lanes: &'static str,
 ) -> OpDef {
     OpDef {
@@ -51,25 +62,76 @@ const fn logic(
         kink: Kink::None,
         domain,
         accuracy: Accuracy::Exact,
+        enclosure,
         cost: 1,
         lowering: Lowering::Lanes { f32x4: lanes, f64x2: lanes },
     }
 }
 
-pub const LT: OpDef =
-    compare("lt", "a < b", false, eval!(|a: Real, b: Real| -> Bool { a < b }), "a b f32x4.lt", "a b f64x2.lt");
-pub const LE: OpDef =
-    compare("le", "a ≤ b", false, eval!(|a: Real, b: Real| -> Bool { a <= b }), "a b f32x4.le", "a b f64x2.le");
-pub const EQ: OpDef =
-    compare("eq", "a = b", true, eval!(|a: Real, b: Real| -> Bool { a == b }), "a b f32x4.eq", "a b f64x2.eq");
-pub const NE: OpDef =
-    compare("ne", "a ≠ b", true, eval!(|a: Real, b: Real| -> Bool { a != b }), "a b f32x4.ne", "a b f64x2.ne");
+pub const LT: OpDef = compare(
+    "lt",
+    "a < b",
+    false,
+    eval!(|a: Real, b: Real| -> Bool { a < b }),
+    enclosed!(|b, facts; a: real, c: real| -> Bool { truth::lt(b, a, c, facts.same) }),
+    "a b f32x4.lt",
+    "a b f64x2.lt",
+);
+pub const LE: OpDef = compare(
+    "le",
+    "a ≤ b",
+    false,
+    eval!(|a: Real, b: Real| -> Bool { a <= b }),
+    enclosed!(|b, facts; a: real, c: real| -> Bool { truth::le(b, a, c, facts.same) }),
+    "a b f32x4.le",
+    "a b f64x2.le",
+);
+pub const EQ: OpDef = compare(
+    "eq",
+    "a = b",
+    true,
+    eval!(|a: Real, b: Real| -> Bool { a == b }),
+    enclosed!(|b, facts; a: real, c: real| -> Bool { truth::eq(b, a, c, facts.same) }),
+    "a b f32x4.eq",
+    "a b f64x2.eq",
+);
+pub const NE: OpDef = compare(
+    "ne",
+    "a ≠ b",
+    true,
+    eval!(|a: Real, b: Real| -> Bool { a != b }),
+    enclosed!(|b, facts; a: real, c: real| -> Bool { truth::not(truth::eq(b, a, c, facts.same)) }),
+    "a b f32x4.ne",
+    "a b f64x2.ne",
+);
 
-pub const AND: OpDef =
-    logic("and", &[B, B], &[TRUTH; 2], "a and b", eval!(|a: Bool, b: Bool| -> Bool { a & b }), "a b v128.and");
-pub const OR: OpDef =
-    logic("or", &[B, B], &[TRUTH; 2], "a or b", eval!(|a: Bool, b: Bool| -> Bool { a | b }), "a b v128.or");
-pub const NOT: OpDef = logic("not", &[B], &[TRUTH], "not a", eval!(|a: Bool| -> Bool { !a }), "a v128.not");
+pub const AND: OpDef = logic(
+    "and",
+    &[B, B],
+    &[TRUTH; 2],
+    "a and b",
+    eval!(|a: Bool, b: Bool| -> Bool { a & b }),
+    enclosed!(|b, p: truth, q: truth| -> Bool { truth::and(b, p, q) }),
+    "a b v128.and",
+);
+pub const OR: OpDef = logic(
+    "or",
+    &[B, B],
+    &[TRUTH; 2],
+    "a or b",
+    eval!(|a: Bool, b: Bool| -> Bool { a | b }),
+    enclosed!(|b, p: truth, q: truth| -> Bool { truth::or(b, p, q) }),
+    "a b v128.or",
+);
+pub const NOT: OpDef = logic(
+    "not",
+    &[B],
+    &[TRUTH],
+    "not a",
+    eval!(|a: Bool| -> Bool { !a }),
+    enclosed!(|_b, p: truth| -> Bool { truth::not(p) }),
+    "a v128.not",
+);
 
 pub const SELECT: OpDef = OpDef {
     name: "select",
@@ -86,6 +148,7 @@ pub const SELECT: OpDef = OpDef {
     kink: Kink::None,
     domain: &[TRUTH, ANY, ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, c: truth, x: real, y: real| -> Real { truth::select(b, c, x, y) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "b c a v128.bitselect", f64x2: "b c a v128.bitselect" },
 };
@@ -101,6 +164,7 @@ pub const SELECT_INT: OpDef = OpDef {
     kink: Kink::None,
     domain: &[TRUTH, ANY, ANY],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, c: truth, x: int, y: int| -> Int { truth::select_int(b, c, x, y) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "b c a v128.bitselect", f64x2: "b c a low32 v128.bitselect" },
 };
@@ -116,6 +180,7 @@ pub const SELECT_BOOL: OpDef = OpDef {
     kink: Kink::None,
     domain: &[TRUTH; 3],
     accuracy: Accuracy::Exact,
+    enclosure: enclosed!(|b, c: truth, x: truth, y: truth| -> Bool { truth::select_bool(b, c, x, y) }),
     cost: 1,
     lowering: Lowering::Lanes { f32x4: "b c a v128.bitselect", f64x2: "b c a v128.bitselect" },
 };
