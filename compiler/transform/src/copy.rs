@@ -32,6 +32,20 @@ pub fn copy(
     copy_flat(graph, mode, &|_| false, max_nodes, watch, apply)
 }
 
+/// As [`copy`]; `apply` is told which node it makes anew.
+///
+/// # Errors
+/// If the budget is spent.
+pub fn copy_each(
+    graph: &Graph,
+    mode: Mode,
+    max_nodes: usize,
+    watch: &dyn Watch,
+    apply: impl FnMut(&mut Builder<'_>, NodeId, Op, &[NodeId]) -> NodeId,
+) -> Result<Graph, Exhausted> {
+    run(graph, mode, &|_| false, max_nodes, watch, apply)
+}
+
 /// As [`copy`]; the gammas that `flat` names become selections: both sides are computed, results selected.
 ///
 /// # Errors
@@ -42,7 +56,18 @@ pub fn copy_flat(
     flat: &dyn Fn(NodeId) -> bool,
     max_nodes: usize,
     watch: &dyn Watch,
-    apply: impl FnMut(&mut Builder<'_>, Op, &[NodeId]) -> NodeId,
+    mut apply: impl FnMut(&mut Builder<'_>, Op, &[NodeId]) -> NodeId,
+) -> Result<Graph, Exhausted> {
+    run(graph, mode, flat, max_nodes, watch, |b, _, op, args| apply(b, op, args))
+}
+
+fn run(
+    graph: &Graph,
+    mode: Mode,
+    flat: &dyn Fn(NodeId) -> bool,
+    max_nodes: usize,
+    watch: &dyn Watch,
+    apply: impl FnMut(&mut Builder<'_>, NodeId, Op, &[NodeId]) -> NodeId,
 ) -> Result<Graph, Exhausted> {
     let mut copier = Copier {
         graph,
@@ -82,7 +107,7 @@ struct Copier<'g, 'w, F> {
     apply: F,
 }
 
-impl<F: FnMut(&mut Builder<'_>, Op, &[NodeId]) -> NodeId> Copier<'_, '_, F> {
+impl<F: FnMut(&mut Builder<'_>, NodeId, Op, &[NodeId]) -> NodeId> Copier<'_, '_, F> {
     fn to(&self, id: NodeId) -> NodeId {
         self.map.get(id.index()).copied().unwrap_or(NodeId::NONE)
     }
@@ -126,7 +151,7 @@ impl<F: FnMut(&mut Builder<'_>, Op, &[NodeId]) -> NodeId> Copier<'_, '_, F> {
             Node::Bool(x) => self.builder.bool(x),
             Node::Apply(op, args) => {
                 let operands = args.map(|x| self.to(x));
-                (self.apply)(&mut self.builder, op, operands.as_slice())
+                (self.apply)(&mut self.builder, at, op, operands.as_slice())
             }
             Node::Fresh(x) => {
                 let x = self.to(x);
@@ -136,6 +161,8 @@ impl<F: FnMut(&mut Builder<'_>, Op, &[NodeId]) -> NodeId> Copier<'_, '_, F> {
                 let (value, wrt) = (self.to(value), self.to(wrt));
                 self.builder.diff(value, wrt)
             }
+            // No copy is made before enclosures are gone.
+            Node::Within { .. } | Node::Bound { .. } => NodeId::NONE,
             Node::Gamma { cond, otherwise, .. } => {
                 let cond = self.to(cond);
                 if let Some(Value::Bool(truth)) = self.builder.value(cond) {
@@ -204,6 +231,15 @@ impl<F: FnMut(&mut Builder<'_>, Op, &[NodeId]) -> NodeId> Copier<'_, '_, F> {
             Node::Carried { init, .. } => {
                 let init = self.to(init);
                 if self.unchanging(at) { init } else { self.builder.carried(init) }
+            }
+            Node::Tape { end, value, every } => match self.fate(self.begin(end)) {
+                // Of an iteration that there is not.
+                Fate::Empty => self.builder.constant(Value::zero(self.graph.scalar(at))),
+                _ => self.builder.tape(self.to(end), self.to(value), every),
+            },
+            Node::Recall { tape, at } => {
+                let (tape, at) = (self.to(tape), self.to(at));
+                self.builder.recall(tape, at)
             }
             Node::Final { end, carried, next } => match (self.fate(self.begin(end)), self.graph.get(carried)) {
                 (Fate::Empty, Some(Node::Carried { init, .. })) => self.to(init),

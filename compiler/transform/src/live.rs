@@ -62,7 +62,7 @@ impl Sweep {
             self.mark(x);
         });
         match node {
-            Node::Join { end, .. } | Node::Final { end, .. } => {
+            Node::Join { end, .. } | Node::Final { end, .. } | Node::Tape { end, .. } => {
                 self.mark(end);
             }
             Node::End { begin } => {

@@ -36,13 +36,13 @@ enum Task {
 
 /// Which region each node lies in, and what each item of a region needs of the same region.
 struct Layout {
-    /// The item that a node is, or belongs to as a join or final: the begin of its structure.
+    /// The item that a node is, or belongs to as a join, final or tape: the begin of its structure.
     item: Vec<NodeId>,
     /// By item: items of the same region that it needs, in the order of use.
     needs: Vec<Vec<NodeId>>,
     /// Registers that computing an item takes.
     weight: Vec<u32>,
-    /// By begin: joins or finals.
+    /// By begin: joins, or finals and then tapes.
     results: Vec<Vec<NodeId>>,
     /// By theta: its carried variables.
     carried: Vec<Vec<NodeId>>,
@@ -69,7 +69,7 @@ impl Layout {
                     this.weigh(begin);
                 }
                 Node::Else { gamma } => set(&mut this.item, id, gamma),
-                Node::Join { end, .. } | Node::Final { end, .. } => {
+                Node::Join { end, .. } | Node::Final { end, .. } | Node::Tape { end, .. } => {
                     let begin = this.item.get(end.index()).copied().unwrap_or(end);
                     set(&mut this.item, id, begin);
                     if let Some(list) = this.results.get_mut(begin.index()) {
@@ -84,7 +84,7 @@ impl Layout {
                 _ => {}
             }
             set(&mut depth, id, open.len());
-            if !matches!(node, Node::Join { .. } | Node::Final { .. }) {
+            if !matches!(node, Node::Join { .. } | Node::Final { .. } | Node::Tape { .. }) {
                 node.each_operand(|x| this.need(&depth, &open, id, x));
             } else {
                 // A result may name a value from around its structure.
@@ -201,7 +201,10 @@ impl Walk<'_> {
                 todo.push(Task::Region { roots: then, at: 0 });
             }
             Some(Node::Theta { end, .. }) => {
-                let next = pick(|n| if let Node::Final { next, .. } = n { Some(next) } else { None });
+                let next = pick(|n| match n {
+                    Node::Final { next: x, .. } | Node::Tape { value: x, .. } => Some(x),
+                    _ => None,
+                });
                 todo.extend(results.iter().rev().map(|r| Task::Mark(*r)));
                 todo.push(Task::Mark(end));
                 todo.push(Task::Region { roots: next, at: 0 });

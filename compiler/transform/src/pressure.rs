@@ -18,6 +18,7 @@ pub fn max_live(graph: &Graph) -> usize {
                 | Node::Final { .. }
                 | Node::Carried { .. }
                 | Node::Counter { .. }
+                | Node::Recall { .. }
         );
         let dies = last.get(id.index()).copied().unwrap_or(NodeId(0));
         if is_value && dies > id {

@@ -86,8 +86,10 @@ fn in_order(
             Node::End { .. } => b.end(),
             Node::Join { end, then, otherwise } => b.join(to(end), to(then), to(otherwise)),
             Node::Final { end, carried, next } => b.carry_out(to(end), to(carried), to(next)),
+            Node::Tape { end, value, every } => b.tape(to(end), to(value), every),
+            Node::Recall { tape, at } => b.recall(to(tape), to(at)),
             Node::Fresh(x) => to(x),
-            Node::Diff { .. } => NodeId::NONE,
+            Node::Diff { .. } | Node::Within { .. } | Node::Bound { .. } => NodeId::NONE,
         };
         if let Some(place) = map.get_mut(id.index()) {
             *place = copied;

@@ -30,7 +30,9 @@ fn real(graph: &Graph, inputs: &[f64]) -> Vec<f64> {
 
 /// Expands, verifies, and checks that the rest of the pipeline changes no bit in f64 (no kernels involved).
 fn expand(graph: Graph, sweep: Sweep) -> Graph {
-    let graph = differentiate(verify(graph).unwrap().into_inner(), sweep, 6, MANY, &Unwatched).unwrap();
+    let graph =
+        differentiate(verify(graph).unwrap().into_inner(), sweep, isograd_graph::Precision::F32, 6, MANY, &Unwatched)
+            .unwrap();
     verify(graph).unwrap().into_inner()
 }
 
@@ -240,7 +242,7 @@ fn an_order_that_grows_with_the_trip_count_is_refused() {
         vec![b.carry_out(end, counted, more), b.carry_out(end, y, slope)]
     });
     let growing = DifferentiateError::Growing { diff: Origin(8), carried: Some(Origin(7)) };
-    assert_eq!(differentiate(graph, Sweep::Forward, 6, MANY, &Unwatched), Err(growing));
+    assert_eq!(differentiate(graph, Sweep::Forward, isograd_graph::Precision::F32, 6, MANY, &Unwatched), Err(growing));
 }
 
 #[test]
@@ -255,8 +257,11 @@ fn order_is_limited() {
             vec![y]
         })
     };
-    assert!(differentiate(nest(6), Sweep::Forward, 6, MANY, &Unwatched).is_ok());
-    assert!(matches!(differentiate(nest(7), Sweep::Forward, 6, MANY, &Unwatched), Err(DifferentiateError::Order(_))));
+    assert!(differentiate(nest(6), Sweep::Forward, isograd_graph::Precision::F32, 6, MANY, &Unwatched).is_ok());
+    assert!(matches!(
+        differentiate(nest(7), Sweep::Forward, isograd_graph::Precision::F32, 6, MANY, &Unwatched),
+        Err(DifferentiateError::Order(_))
+    ));
 }
 
 #[test]

@@ -4,6 +4,7 @@ use isograd_graph::ops::{Derivative, Partial};
 use isograd_graph::{Graph, Node, NodeId, Scalar};
 
 use super::Diff;
+use crate::bound::replaces;
 
 /// Dependences of a graph's values on up to 64 seeds, a bit each.
 pub struct Activity<'g> {
@@ -83,11 +84,23 @@ impl<'g> Activity<'g> {
                 from(self, value);
                 blocked = active;
             }
+            // What it replaces does not matter at run time (LANGUAGE 15.3).
+            Node::Within { lo, hi, next, .. } => [lo, hi, next].into_iter().for_each(|x| from(self, x)),
+            Node::Bound { value, within, .. } => {
+                active = self.active(value) & !self.replaced(within) | self.active(within);
+                blocked = active;
+            }
             Node::Carried { init, .. } => {
                 from(self, init);
                 // What earlier sweeps found through the loop's end.
                 from(self, at);
             }
+            Node::Tape { end, value, .. } => {
+                from(self, value);
+                let outside = !self.inside(end);
+                (active, blocked) = (active & outside, blocked & outside);
+            }
+            Node::Recall { tape, .. } => from(self, tape),
             Node::Join { end, then, otherwise } => {
                 from(self, then);
                 from(self, otherwise);
@@ -102,10 +115,18 @@ impl<'g> Activity<'g> {
             Node::End { begin } => return self.close(at, begin),
             _ => {}
         }
-        if self.graph.scalar(at) == Scalar::Real {
+        if self.graph.scalar(at) == Scalar::Real || matches!(node, Node::Within { .. }) {
             self.put(at, active | self.seed(at).unwrap_or(0), blocked);
         }
         None
+    }
+
+    /// The seeds that a box replaces.
+    fn replaced(&self, within: NodeId) -> u64 {
+        if self.together {
+            return 0;
+        }
+        self.seeds.iter().enumerate().filter(|(_, s)| replaces(self.graph, within, **s)).fold(0, |b, (i, _)| b | 1 << i)
     }
 
     fn put(&mut self, at: NodeId, active: u64, blocked: u64) -> bool {
@@ -173,6 +194,8 @@ impl<'g> Activity<'g> {
                 Node::Apply(op, args) => each_path(op.def(), args.as_slice(), need),
                 Node::Fresh(x) => need(x),
                 Node::Carried { init, .. } => need(init),
+                Node::Tape { value, .. } => need(value),
+                Node::Recall { tape, .. } => need(tape),
                 Node::Join { then, otherwise, .. } => {
                     need(then);
                     need(otherwise);

@@ -131,6 +131,14 @@ impl Forward<'_, '_> {
                 let next = self.tangent(next, seed).unwrap_or(self.zero);
                 Some(self.b.carry_out(self.copy.to(end), tangent, next))
             }
+            Node::Tape { end, value, every } => {
+                let tangent = self.tangent(value, seed)?;
+                Some(self.b.tape(self.copy.to(end), tangent, every))
+            }
+            Node::Recall { tape, at } => {
+                let tangent = self.tangent(tape, seed)?;
+                Some(self.b.recall(tangent, self.copy.to(at)))
+            }
             _ => None,
         }
     }

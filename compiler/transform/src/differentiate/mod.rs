@@ -1,10 +1,12 @@
-//! Differentiation: expands every `diff` of a raw graph (LANGUAGE 13), by one rule per operation for both directions.
+//! Differentiation: expands every `diff` of a raw graph (LANGUAGE 13), by one rule per operation for both directions,
+//! and every `bound`, by [`crate::bound`].
 //!
 //! A *seed* is a value that some `diff` differentiates by. The forward sweep, from left to right, carries beside each
 //! value its tangents for up to 64 seeds; partial derivatives are built once and shared by all tangents. Only tangents
 //! that lie on a path from a seed to a `diff` are made: `activity` finds the paths. Loops stay loops: a tangent of a
 //! carried variable is a carried variable beside it. The reverse sweep walks from a differentiated value back to all
-//! its seeds at once. A `diff` on a path must be gone first, so nested ones take one round each, the inner first.
+//! its seeds at once. A `diff` or `bound` on a path must be gone first, so
+//! nested ones take one round each, the inner first.
 
 mod activity;
 mod forward;
@@ -13,9 +15,14 @@ mod reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use isograd_graph::{Exhausted, Graph, Node, NodeId, Origin, Scalar, Watch};
+use isograd_graph::{Builder, Exhausted, Graph, Mode, Node, NodeId, Origin, Precision, Scalar, Watch};
 
+use crate::bound;
 use crate::live::live;
+use crate::raw::RawCopy;
+
+pub(crate) use activity::{Activity, carried_finals};
+use reverse::{Allowance, Loops, tapes_fit};
 
 /// Seeds of one sweep: bits of a word.
 const BATCH: usize = 64;
@@ -37,6 +44,20 @@ pub enum DifferentiateError {
     },
     /// A `diff` inside more others than allowed.
     Order(Origin),
+    /// A `bound` in a loop depends, through carried variables, on itself.
+    Nesting {
+        /// The `bound`.
+        bound: Origin,
+        /// One of the variables.
+        carried: Option<Origin>,
+    },
+    /// A loop on the way to what a `bound` encloses iterates as often as a value in its box says (LANGUAGE 15.5).
+    LoopBound {
+        /// The `bound`.
+        call: Origin,
+        /// The bound of the loop.
+        bound: Origin,
+    },
 }
 
 impl fmt::Display for DifferentiateError {
@@ -45,6 +66,8 @@ impl fmt::Display for DifferentiateError {
             Self::Exhausted(why) => why.fmt(f),
             Self::Growing { .. } => f.write_str("the order of a derivative grows with the trip count of its loop"),
             Self::Order(_) => f.write_str("derivatives are nested too deeply"),
+            Self::Nesting { .. } => f.write_str("a `bound` is nested in itself as often as its loop iterates"),
+            Self::LoopBound { .. } => f.write_str("a number of iterations depends on what a `bound` replaces"),
         }
     }
 }
@@ -63,7 +86,7 @@ pub enum Sweep {
     /// Tangents, with the values: one sweep for each value that is differentiated by.
     Forward,
     /// Adjoints, against the values, wherever fewer values are differentiated than they are differentiated by;
-    /// tangents elsewhere, in loops and inside of branches.
+    /// tangents elsewhere: inside of branches and loops, and in loops whose trip count is not constant.
     Reverse,
 }
 
@@ -75,20 +98,43 @@ pub(crate) struct Diff {
     pub wrt: NodeId,
 }
 
-/// Expands every `diff` that an output needs. `max_order` counts `diff` inside `diff`.
+/// Expands every `diff` and `bound` that an output needs, the inner ones first. `max_order` counts `diff` inside `diff`.
 ///
-/// Reverse differentiation of a loop goes through its Jacobian by all it reads, made forward.
+/// Reverse differentiation walks a loop with a constant trip count back by tapes, of 64 KiB a point at most altogether;
+/// any other loop takes part by its Jacobian by all it reads, made forward.
 ///
 /// # Errors
-/// If an order grows with a trip count or exceeds `max_order`, or the budget is spent.
+/// If an order grows with a trip count or exceeds `max_order`, if a number of iterations depends on what a `bound`
+/// replaces, or the budget is spent.
 pub fn differentiate(
     graph: Graph,
     sweep: Sweep,
+    precision: Precision,
     max_order: u64,
     max_nodes: usize,
     watch: &dyn Watch,
 ) -> Result<Graph, DifferentiateError> {
-    let mut graph = graph;
+    if sweep == Sweep::Forward {
+        return rounds(graph, sweep, Allowance::NONE, max_order, max_nodes, watch);
+    }
+    for allowance in Allowance::of(precision) {
+        let result = rounds(graph.clone(), sweep, allowance, max_order, max_nodes, watch)?;
+        if allowance == Allowance::NONE || tapes_fit(&result, &live(&result), precision) {
+            return Ok(result);
+        }
+    }
+    Ok(graph)
+}
+
+/// The rounds of [`differentiate`], with tapes as allowed.
+fn rounds(
+    mut graph: Graph,
+    sweep: Sweep,
+    allowance: Allowance,
+    max_order: u64,
+    max_nodes: usize,
+    watch: &dyn Watch,
+) -> Result<Graph, DifferentiateError> {
     let mut orders = vec![0_u32; graph.len()];
     loop {
         if let Some(at) = orders.iter().position(|o| u64::from(*o) > max_order) {
@@ -96,14 +142,26 @@ pub fn differentiate(
             return Err(DifferentiateError::Order(graph.origin(node)));
         }
         let live = live(&graph);
-        let diffs: Vec<Diff> = diffs(&graph).filter(|d| live.get(d.node.index()).copied().unwrap_or(false)).collect();
-        let Some(first) = diffs.first() else { return Ok(graph) };
-        if sweep == Sweep::Reverse
-            && let Some((activity, ready)) = reversible(&graph, &diffs, |values, seeds| values < seeds)
-        {
+        let is_live = |id: NodeId| live.get(id.index()).copied().unwrap_or(false);
+        let diffs: Vec<Diff> = diffs(&graph).filter(|d| is_live(d.node)).collect();
+        let bounds: Vec<_> = bound::bounds(&graph).filter(|b| is_live(b.node)).collect();
+        if diffs.is_empty() && bounds.is_empty() {
+            return cleared(graph, &live, max_nodes, watch);
+        }
+        if !bounds.is_empty() {
             let before = Orders { old: &orders, new: Vec::new() };
-            (graph, orders) = reverse::expand(&graph, &activity, &ready, &live, before, max_nodes, watch)?;
-            continue;
+            if let Some(expanded) = bound::expand(&graph, &bounds, &live, before, max_nodes, watch)? {
+                (graph, orders) = expanded;
+                continue;
+            }
+        }
+        if sweep == Sweep::Reverse {
+            let loops = Loops::of(&graph, &live, allowance);
+            if let Some((activity, ready)) = reversible(&graph, &diffs, &loops, |values, seeds| values < seeds) {
+                let before = Orders { old: &orders, new: Vec::new() };
+                (graph, orders) = reverse::expand(&graph, &activity, &ready, &loops, before, max_nodes, watch)?;
+                continue;
+            }
         }
         let mut progress = false;
         for batch in batches(&diffs) {
@@ -119,31 +177,55 @@ pub fn differentiate(
             break;
         }
         if !progress {
-            return Err(growing(&graph, &diffs, *first));
+            return Err(growing(&graph, &diffs, &bounds));
         }
     }
 }
 
-/// The first of these `diff`s that depends on its own result, with a carried variable on the way to it. Without the
-/// variable, and of `first`, if none of those that are tried is found to.
-fn growing(graph: &Graph, diffs: &[Diff], first: Diff) -> DifferentiateError {
+/// Without what is left of expanded `bound`s.
+fn cleared(graph: Graph, live: &[bool], max_nodes: usize, watch: &dyn Watch) -> Result<Graph, DifferentiateError> {
+    if !graph.iter().any(|(_, node)| matches!(node, Node::Within { .. } | Node::Bound { .. })) {
+        return Ok(graph);
+    }
+    let mut b = Builder::new(Mode::Raw, max_nodes, watch);
+    let mut copy = RawCopy::new(&graph);
+    each_live(&graph, live, |at, node| {
+        copy.node(&mut b, at, node);
+        b.exhausted().map_or(Ok(()), Err)
+    })?;
+    for output in &graph.outputs {
+        b.output(output.name.clone(), copy.to(output.node));
+    }
+    Ok(b.finish()?)
+}
+
+/// The first of these `diff`s and `bound`s that depends on its own result, with a carried variable on the way to it.
+/// Without the variable, and of the first, if none of those that are tried is found to.
+fn growing(graph: &Graph, diffs: &[Diff], bounds: &[bound::Bound]) -> DifferentiateError {
     let finals = graph.iter().filter_map(|(_, node)| match node {
         Node::Final { carried, next, .. } => Some((carried, next)),
         _ => None,
     });
     let next_of: BTreeMap<NodeId, NodeId> = finals.collect();
-    let cycle = diffs.iter().take(TRIED).find_map(|d| Some((d, carried_result(graph, &next_of, d)?)));
-    let (diff, carried) = cycle.map_or((&first, None), |(d, carried)| (d, Some(graph.origin(carried))));
-    DifferentiateError::Growing { diff: graph.origin(diff.node), carried }
+    let candidates = diffs.iter().map(|d| (d.node, d.value)).chain(bounds.iter().map(|b| (b.node, b.value)));
+    let mut tried = candidates.clone().take(TRIED);
+    let cycle = tried.find_map(|(node, value)| Some((node, Some(carried_result(graph, &next_of, node, value)?))));
+    let first = candidates.clone().next().map_or(NodeId::NONE, |(node, _)| node);
+    let (node, carried) = cycle.unwrap_or((first, None));
+    let (place, carried) = (graph.origin(node), carried.map(|c| graph.origin(c)));
+    match graph.get(node) {
+        Some(Node::Bound { .. }) => DifferentiateError::Nesting { bound: place, carried },
+        _ => DifferentiateError::Growing { diff: place, carried },
+    }
 }
 
-/// The carried variable through which the result of a `diff` comes back to what it differentiates.
-fn carried_result(graph: &Graph, next_of: &BTreeMap<NodeId, NodeId>, diff: &Diff) -> Option<NodeId> {
+/// The carried variable through which the result of a `diff` or `bound` comes back to its value.
+fn carried_result(graph: &Graph, next_of: &BTreeMap<NodeId, NodeId>, result: NodeId, value: NodeId) -> Option<NodeId> {
     // Against the dependences: for each node found, the one it was found from.
-    let mut from: BTreeMap<NodeId, NodeId> = BTreeMap::from([(diff.value, NodeId::NONE)]);
-    let mut open = vec![diff.value];
+    let mut from: BTreeMap<NodeId, NodeId> = BTreeMap::from([(value, NodeId::NONE)]);
+    let mut open = vec![value];
     while let Some(at) = open.pop() {
-        if at == diff.node {
+        if at == result {
             let user = |id: &NodeId| from.get(id).copied();
             let path = std::iter::successors(Some(at), user).zip(std::iter::successors(user(&at), user));
             return path.filter(|(x, user)| next_of.get(user) == Some(x)).map(|(_, user)| user).next();
@@ -170,7 +252,9 @@ fn carried_result(graph: &Graph, next_of: &BTreeMap<NodeId, NodeId>, diff: &Diff
 pub fn reverse_is_plausible(graph: &Graph) -> bool {
     let live = live(graph);
     let diffs: Vec<Diff> = diffs(graph).filter(|d| live.get(d.node.index()).copied().unwrap_or(false)).collect();
-    reversible(graph, &diffs, |values, seeds| values.saturating_mul(4) <= seeds).is_some()
+    let [most, ..] = Allowance::of(Precision::F32);
+    let loops = Loops::of(graph, &live, most);
+    reversible(graph, &diffs, &loops, |values, seeds| values.saturating_mul(4) <= seeds).is_some()
 }
 
 fn diffs(graph: &Graph) -> impl Iterator<Item = Diff> {
@@ -204,10 +288,12 @@ pub fn active_diffs(graph: &Graph, watch: &dyn Watch) -> BTreeSet<NodeId> {
 }
 
 /// The `diff`s that one walk each for their distinct values expands, if their numbers of distinct values and seeds are
-/// worth it. They stand in the outermost region, and not at the end of a loop, whose Jacobian is made forward.
+/// worth it. They stand in the outermost region, and not at the end of a loop whose Jacobian is made forward; nor does
+/// any lie behind a tape: there is no walk back through one.
 fn reversible<'g>(
     graph: &'g Graph,
     diffs: &[Diff],
+    loops: &Loops<'_>,
     worth_it: impl Fn(usize, usize) -> bool,
 ) -> Option<(activity::Activity<'g>, Vec<Diff>)> {
     let mut depth = 0_usize;
@@ -220,13 +306,15 @@ fn reversible<'g>(
         depth == 0
     });
     let outermost: Vec<NodeId> = outermost.map(|(id, _)| id).collect();
-    let stands =
-        |d: &&Diff| outermost.binary_search(&d.node).is_ok() && !matches!(graph.get(d.value), Some(Node::Final { .. }));
+    let stands = |d: &&Diff| outermost.binary_search(&d.node).is_ok() && !loops.stuck_at(graph, d.value);
     let distinct = |of: fn(&Diff) -> NodeId, diffs: &[Diff]| diffs.iter().map(of).collect::<BTreeSet<NodeId>>();
     let mut ready: Vec<Diff> = diffs.iter().filter(stands).copied().collect();
     let seeds: Vec<NodeId> = distinct(|d| d.wrt, &ready).into_iter().collect();
     let activity = activity::Activity::together(graph, &seeds);
     ready.retain(|d| activity.ready(d));
+    if graph.iter().any(|(id, node)| matches!(node, Node::Tape { .. }) && activity.active(id) != 0) {
+        return None;
+    }
     let (values, seeds) = (distinct(|d| d.value, &ready).len(), distinct(|d| d.wrt, &ready).len());
     (values > 0 && worth_it(values, seeds)).then_some((activity, ready))
 }
@@ -265,16 +353,17 @@ pub(crate) struct Orders<'o> {
 
 impl Orders<'_> {
     /// Of a value of the old graph.
-    fn old(&self, id: NodeId) -> u32 {
+    pub(crate) fn old(&self, id: NodeId) -> u32 {
         self.old.get(id.index()).copied().unwrap_or(0)
     }
 
     /// Of a value of the new graph.
-    fn of(&self, id: NodeId) -> u32 {
+    pub(crate) fn of(&self, id: NodeId) -> u32 {
         self.new.get(id.index()).copied().unwrap_or(0)
     }
 
-    fn note(&mut self, id: NodeId, order: u32) {
+    /// Of a value of the new graph from now on.
+    pub(crate) fn note(&mut self, id: NodeId, order: u32) {
         if id == NodeId::NONE || order == 0 {
             return;
         }
@@ -287,7 +376,7 @@ impl Orders<'_> {
     }
 
     /// For each value of the new graph that has been through any.
-    fn into_new(self) -> Vec<u32> {
+    pub(crate) fn into_new(self) -> Vec<u32> {
         self.new
     }
 }

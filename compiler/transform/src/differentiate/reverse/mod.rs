@@ -1,10 +1,13 @@
 //! The reverse sweep: copies a graph and, where the first `diff` of a value stands, walks from that value back to its
 //! inputs, so that one walk gives the derivatives by all of them (Griewank and Walther, *Evaluating Derivatives*, 2008,
-//! section 3.2). A branch is walked by a branch that computes the side it took once more; a loop is differentiated
-//! forward, by what its body reads from outside, and its Jacobian takes part in the walk.
+//! section 3.2). A branch is walked by a branch that computes the side it took once more; how a loop is walked is in
+//! `loops`, which loops can be in `trips`.
 //!
 //! A value that a choice or a branch did not take has the adjoint 0. It contributes nothing even where its partial
 //! derivative is infinite (LANGUAGE 13.7), so products with such *masked* adjoints are guarded.
+
+mod loops;
+mod trips;
 
 use std::collections::BTreeMap;
 use std::collections::hash_map::Entry;
@@ -13,16 +16,18 @@ use isograd_graph::ops::{Derivative, Partial};
 use isograd_graph::{Args, Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Scalar, Watch};
 use rustc_hash::FxHashMap;
 
-use super::activity::{Activity, carried_finals};
+use super::activity::Activity;
 use super::{Diff, Orders, each_live};
 use crate::raw::RawCopy;
+use loops::Turn;
+pub use trips::{Allowance, Loops, tapes_fit};
 
 /// Copies `graph` with the `wanted` diffs, all of the outermost region and all ready, replaced by adjoints.
 pub fn expand(
     graph: &Graph,
     activity: &Activity<'_>,
     wanted: &[Diff],
-    live: &[bool],
+    loops: &Loops<'_>,
     mut orders: Orders<'_>,
     max_nodes: usize,
     watch: &dyn Watch,
@@ -32,7 +37,8 @@ pub fn expand(
     let mut sweep = Reverse {
         graph,
         activity,
-        live,
+        live: loops.live,
+        loops,
         first_seed,
         b: Builder::new(Mode::Raw, max_nodes, watch),
         copy: RawCopy::new(graph),
@@ -43,7 +49,7 @@ pub fn expand(
     };
     // The adjoints of everything that a value depends on, by the value.
     let mut gradients: FxHashMap<NodeId, FxHashMap<NodeId, Adjoint>> = FxHashMap::default();
-    each_live(graph, live, |at, node| {
+    each_live(graph, loops.live, |at, node| {
         if !matches!(node, Node::Input(_)) && sweep.zero == NodeId::NONE {
             (sweep.zero, sweep.one) = (sweep.b.real(0.0), sweep.b.real(1.0));
         }
@@ -83,7 +89,7 @@ struct Adjoint {
     masked: bool,
 }
 
-/// A side of a branch that is being walked; the first frame is the outermost region.
+/// A side of a branch or the body of a loop that is being walked; the first frame is the outermost region.
 #[derive(Default)]
 struct Frame {
     /// The mark before its first node, in the old graph.
@@ -96,6 +102,8 @@ struct Frame {
     other: BTreeMap<NodeId, Adjoint>,
     /// What stood for its nodes before they were copied once more.
     saved: Vec<(NodeId, NodeId)>,
+    /// Of a loop, what ends it.
+    turn: Option<Turn>,
 }
 
 /// A result of a branch or loop that has an adjoint.
@@ -109,6 +117,7 @@ struct Reverse<'g, 'w> {
     graph: &'g Graph,
     activity: &'g Activity<'g>,
     live: &'g [bool],
+    loops: &'g Loops<'g>,
     first_seed: NodeId,
     b: Builder<'w>,
     copy: RawCopy<'g>,
@@ -159,10 +168,12 @@ impl Reverse<'_, '_> {
                     self.pending.insert(begin, results);
                 }
                 (Some(results), Some(_)) => {
-                    self.repeat(begin, at, &results);
-                    return begin;
+                    if !self.turn(begin, at, &results) {
+                        return begin;
+                    }
                 }
             },
+            Node::Theta { .. } => self.leave_loop(),
             Node::Else { gamma } => {
                 let side = self.leave();
                 self.b.otherwise();
@@ -230,6 +241,8 @@ impl Reverse<'_, '_> {
             at = match node {
                 Node::Gamma { end, .. } | Node::Theta { end, .. } if !self.is_live(at) => NodeId(end.0 + 1),
                 _ if !self.is_live(at) => NodeId(at.0 + 1),
+                // Of the loop whose body this is: the caller says what stands for it.
+                Node::Counter { theta } | Node::Carried { theta, .. } if theta < first => NodeId(at.0 + 1),
                 _ => {
                     saved.push((at, self.copy.to(at)));
                     self.copy.node(&mut self.b, at, node);
@@ -243,52 +256,6 @@ impl Reverse<'_, '_> {
     fn restore(&mut self, saved: Vec<(NodeId, NodeId)>) {
         for (id, to) in saved.into_iter().rev() {
             self.copy.set(id, to);
-        }
-    }
-
-    /// A loop: its Jacobian by what it reads from outside is left to the forward sweep, as `diff` nodes of a copy that
-    /// reads each of these values under a name of its own.
-    fn repeat(&mut self, begin: NodeId, end: NodeId, results: &[Pending]) {
-        let finals: Vec<NodeId> = carried_finals(self.graph, end).map(|(id, _, _)| id).collect();
-        let last = finals.last().copied().unwrap_or(end);
-        let mut reads = Vec::new();
-        let mut at = begin;
-        while at <= last {
-            if let Some(node) = self.graph.get(at).filter(|_| self.is_live(at)) {
-                let read = |x: NodeId| x < begin && self.activity.active(x) != 0;
-                node.each_operand(|x| reads.extend(Some(x).filter(|x| read(*x))));
-            }
-            at = NodeId(at.0 + 1);
-        }
-        reads.sort_unstable();
-        reads.dedup();
-        let mut saved: Vec<(NodeId, NodeId)> = reads.iter().map(|x| (*x, self.copy.to(*x))).collect();
-        for x in &reads {
-            let fresh = self.b.fresh(self.copy.to(*x));
-            self.copy.set(*x, fresh);
-        }
-        saved.extend(self.again(begin, NodeId(last.0 + 1)));
-        let names: Vec<NodeId> = reads.iter().map(|x| self.copy.to(*x)).collect();
-        let mut sums: BTreeMap<NodeId, Adjoint> = BTreeMap::new();
-        for batch in names.chunks(super::BATCH).zip(reads.chunks(super::BATCH)) {
-            let depends = Activity::of(self.b.graph(), batch.0);
-            let reached: Vec<u64> = results.iter().map(|r| depends.active(self.copy.to(r.result))).collect();
-            let bits: Vec<u64> = batch.0.iter().map(|name| depends.seed(*name).unwrap_or(0)).collect();
-            for ((name, read), bit) in batch.0.iter().zip(batch.1).zip(bits) {
-                for (result, _) in results.iter().zip(&reached).filter(|(_, active)| **active & bit != 0) {
-                    let slope = self.b.diff(self.copy.to(result.result), *name);
-                    let term = self.product(slope, result.adjoint);
-                    let sum = match sums.get(read) {
-                        Some(sum) => self.sum(*sum, term),
-                        None => term,
-                    };
-                    sums.insert(*read, sum);
-                }
-            }
-        }
-        self.restore(saved);
-        for (read, sum) in sums {
-            self.add(read, sum);
         }
     }
 
