@@ -12,10 +12,11 @@ use crate::lives::{Item, Lives, Order, storage};
 use crate::rates::{PerNode, Rates, is_late, owner};
 use crate::regions::Frame;
 use crate::segments::{Place, Segments};
+use crate::tapes::Tapes;
 use crate::{EmitError, Layout, Planned, Slot, lanes};
 
 /// Bytes of a vector.
-const VECTOR: u32 = 16;
+pub const VECTOR: u32 = 16;
 
 /// The first function of a part: those before are `eval` and `point`.
 pub const PARTS: u32 = 2;
@@ -37,9 +38,12 @@ pub struct Emitter<'p> {
     /// A group that says which lanes need what is computed; `None`: all.
     pub mask: Option<u32>,
     /// What parts leave each other.
-    kept: Option<(&'p Segments, Scratch)>,
-    /// The local that says where in a column of kept values this iteration's are.
-    scratch: u32,
+    pub kept: Option<&'p Segments>,
+    pub tapes: &'p Tapes,
+    /// Where both lie.
+    pub memory: Option<Scratch>,
+    /// In a part, the local that says where in a column of kept values this iteration's are.
+    pub scratch: u32,
 }
 
 /// Says what all functions of a module have in common.
@@ -47,6 +51,8 @@ pub struct Common<'p> {
     pub graph: &'p Graph,
     pub rates: &'p Rates,
     pub layout: &'p Layout,
+    pub tapes: &'p Tapes,
+    pub scratch: Option<Scratch>,
 }
 
 /// The body of an `eval` that does all by itself.
@@ -69,7 +75,7 @@ pub fn split<'p>(
 ) -> Result<(Vec<u8>, Vec<Vec<u8>>), EmitError> {
     let Some(first) = planned.first() else { return Ok((Vec::new(), Vec::new())) };
     let mut emitter = Emitter::new(common, first);
-    emitter.kept = Some((segments, scratch));
+    emitter.kept = Some(segments);
     let eval = emitter.driver(segments.once, planned.len(), scratch)?;
     let mut parts = Vec::with_capacity(planned.len());
     for (number, planned) in planned.iter().enumerate() {
@@ -121,6 +127,8 @@ impl<'p> Emitter<'p> {
             frames: Vec::new(),
             mask: None,
             kept: None,
+            tapes: common.tapes,
+            memory: common.scratch,
             scratch: 0,
         }
     }
@@ -130,7 +138,8 @@ impl<'p> Emitter<'p> {
         self.order = &planned.order;
         self.lives = &planned.lives;
         self.vectors = planned.vectors as u32;
-        self.locals = Locals::new(self.vectors, depth(self.graph, &planned.order) + scalars);
+        self.locals =
+            Locals::new(self.vectors, depth(self.graph, &planned.order) + scalars + u32::from(!self.tapes.is_empty()));
     }
 
     /// Ends a function of so many arguments.
@@ -254,6 +263,7 @@ impl<'p> Emitter<'p> {
                 self.free(position);
             }
             Node::Counter { .. } => self.counter(id),
+            Node::Recall { tape, at } => self.recall(position, id, tape, at),
             Node::Join { end, then, otherwise } => {
                 self.late_join(id, end, then, otherwise);
                 self.free(position);
@@ -415,7 +425,7 @@ impl<'p> Emitter<'p> {
 
     /// The address of a vector that is kept for later functions: a base, to be pushed, and an offset.
     fn place(&mut self, id: NodeId, vector: u32) -> Option<MemArg> {
-        let (segments, scratch) = self.kept?;
+        let (segments, scratch) = self.kept.zip(self.memory)?;
         let offset = match segments.places.get(&id)? {
             Place::Slot(slot) => {
                 self.code.sink().i32_const(0);

@@ -84,6 +84,8 @@ fn instruction(token: &str, bytes: &mut Vec<u8>) -> Option<()> {
                 zero(bytes);
                 Instruction::I8x16Shuffle(dwords([2, 3, 2, 3])).encode(bytes);
             }
+            // The low halves of the 64-bit lanes of two vectors.
+            "even32" => Instruction::I8x16Shuffle(dwords([0, 2, 4, 6])).encode(bytes),
             "pair64" => Instruction::I8x16Shuffle(dwords([0, 1, 4, 5])).encode(bytes),
             _ => named(token)?.encode(bytes),
         }

@@ -11,7 +11,8 @@
 //! A varying input and every output is a column of `block` elements; a uniform input is one element in a slot of 16
 //! bytes. Reals are binary32 or binary64 by the precision; ints and bools are 32-bit ints in both, bools 0 or 1 (read:
 //! any other number is true). All is little-endian. Every NaN is stored with all bits set.
-//! What lies behind the columns is the module's own: there a module of several functions keeps values during a call.
+//! What lies behind the columns is the module's own: there it keeps values during a call, of several functions for each
+//! other and of the iterations of loops.
 
 use isograd_graph::{Graph, Precision, Scalar};
 
@@ -48,9 +49,12 @@ pub struct Layout {
     pub outputs: Vec<Slot>,
     /// Bytes of memory, whole pages.
     pub memory: u32,
+    /// Bytes of it behind the columns, where the module keeps values during a call.
+    pub scratch: u32,
 }
 
-/// The memory behind the columns where the functions of a module keep values for each other (see `segments`).
+/// The memory behind the columns where the functions of a module keep values for each other (see `segments`) and loops
+/// keep tapes (see `tapes`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Scratch {
     /// Where it begins: the slots, of a vector each, then the columns.
@@ -66,6 +70,11 @@ impl Scratch {
     /// The address of a slot.
     pub const fn slot(&self, slot: u32) -> u32 {
         self.offset + slot * 16
+    }
+
+    /// Bytes from a column to the next.
+    pub const fn stride(&self) -> u32 {
+        self.column
     }
 
     /// The address of a column.
@@ -101,7 +110,7 @@ const fn element(scalar: Scalar, precision: Precision) -> u32 {
     }
 }
 
-/// Slots and columns that parts need, and the points of a chunk.
+/// Slots and columns that parts and tapes need, and the points of a chunk.
 #[derive(Debug, Clone, Copy)]
 pub struct Kept {
     /// Vectors.
@@ -129,7 +138,7 @@ pub fn place(
         block /= 2;
     }
 
-    let mut end = 0;
+    let mut end = 0_u64;
     let slots = |kinds: &mut dyn Iterator<Item = (Scalar, bool)>, end: &mut u64, columns: bool| -> Vec<(usize, Slot)> {
         let mut slots = Vec::new();
         for (index, (scalar, varying)) in kinds.enumerate().filter(|(_, (_, varying))| *varying == columns) {
@@ -156,6 +165,7 @@ pub fn place(
         end = u64::from(offset) + u64::from(slots) * 16 + u64::from(columns) * u64::from(column);
         Scratch { offset, slots, points, column }
     });
+    let kept = scratch.map_or(0, |scratch| end - u64::from(scratch.offset));
     let memory = end.next_multiple_of(PAGE).max(PAGE);
     if memory > LIMIT {
         return Err(EmitError::Memory { bytes: memory });
@@ -168,6 +178,7 @@ pub fn place(
         inputs: only_slots(places),
         outputs: only_slots(results),
         memory: u32::try_from(memory).unwrap_or(u32::MAX),
+        scratch: u32::try_from(kept).unwrap_or(u32::MAX),
     };
     Ok((layout, scratch))
 }

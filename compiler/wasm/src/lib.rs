@@ -3,7 +3,7 @@
 //!
 //! `lanes` holds the instruction texts of the op table as bytes; `rates` says what is computed once and what in every
 //! lane; `lives`, in which order and for how long; `segments`, where a large graph is cut into functions; `pressure`,
-//! how many vectors at a time; `layout`, where columns lie; `emit` and `regions` write the code. No relaxed SIMD, no
+//! how many vectors at a time; `layout`, where columns lie; `emit`, `regions` and `tapes` write the code. No relaxed SIMD, no
 //! fused operations, constants at each use.
 
 #![cfg_attr(
@@ -20,6 +20,7 @@ mod pressure;
 mod rates;
 mod regions;
 mod segments;
+mod tapes;
 
 use std::borrow::Cow;
 
@@ -86,6 +87,9 @@ pub enum EmitError {
     /// A carried variable is to become a value that is computed after the loop.
     #[error("final %{} names a value that is computed after its loop", .0.0)]
     LateNext(NodeId),
+    /// A tape of a loop whose trip count is not constant, or one that is read at another iteration in each lane.
+    #[error("node %{} is a tape that has no fixed place, or reads one that is not the same for all lanes", .0.0)]
+    Tape(NodeId),
     /// The options do not fit the graph.
     #[error("{what}")]
     Options {
@@ -119,7 +123,9 @@ pub struct Plan<'g> {
     rates: rates::Rates,
     /// The functions: one, or the parts.
     functions: Vec<Planned>,
-    parts: Option<(segments::Segments, layout::Scratch)>,
+    segments: Option<segments::Segments>,
+    tapes: tapes::Tapes,
+    scratch: Option<layout::Scratch>,
     layout: Layout,
     facts: Facts,
 }
@@ -162,9 +168,17 @@ impl<'g> Plan<'g> {
         }
         let vectors = functions.iter().map(|function| function.vectors as u32).max().unwrap_or(1);
         let pad = vectors * 16 / options.precision.bytes();
+        let tapes = tapes::Tapes::new(graph, &rates)?;
+        // In a module of one function a column is for the points of an iteration.
+        let alone = layout::Kept { slots: 0, columns: 0, points: pad };
         let kept = segments.as_ref().map(|segments| segments.kept(&options.split));
+        let kept = kept.or_else(|| (!tapes.is_empty()).then_some(alone)).map(|kept| layout::Kept {
+            slots: kept.slots.saturating_add(tapes.slots),
+            columns: kept.columns.saturating_add(tapes.columns),
+            ..kept
+        });
         let (layout, scratch) = layout::place(graph, options.varying, options.precision, pad, kept)?;
-        Ok(Self { graph, rates, functions, parts: segments.zip(scratch), layout, facts })
+        Ok(Self { graph, rates, functions, segments, tapes, scratch, layout, facts })
     }
 
     /// Where the columns will lie.
@@ -191,16 +205,17 @@ impl<'g> Plan<'g> {
     /// # Errors
     /// If the code exceeds a limit of WebAssembly.
     pub fn write(self) -> Result<Written, EmitError> {
-        let common = emit::Common { graph: self.graph, rates: &self.rates, layout: &self.layout };
-        let (eval, parts) = match (&self.parts, self.functions.as_slice()) {
-            (Some((segments, scratch)), functions) => emit::split(&common, segments, *scratch, functions)?,
+        let Self { graph, rates, tapes, layout, scratch, .. } = &self;
+        let common = emit::Common { graph, rates, tapes, layout, scratch: *scratch };
+        let (eval, parts) = match (self.segments.as_ref().zip(self.scratch), self.functions.as_slice()) {
+            (Some((segments, scratch)), functions) => emit::split(&common, segments, scratch, functions)?,
             (None, [function]) => (emit::whole(&common, function)?, Vec::new()),
             (None, _) => (Vec::new(), Vec::new()),
         };
         if let Some(bytes) = parts.iter().chain([&eval]).map(Vec::len).find(|bytes| *bytes > FUNCTION_BYTES) {
             return Err(EmitError::Code { bytes });
         }
-        let once = self.parts.as_ref().map_or(0, |(segments, _)| segments.once);
+        let once = self.segments.as_ref().map_or(0, |segments| segments.once);
         Ok(Written { eval, parts, once, layout: self.layout, facts: self.facts })
     }
 

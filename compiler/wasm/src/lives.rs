@@ -68,11 +68,13 @@ pub fn storage(graph: &Graph, id: NodeId) -> NodeId {
     }
 }
 
-/// Calls `f` with the values that are read where this node stands in the order. Joins and finals are computed where
-/// their regions end, carried variables where their loop begins.
+/// Calls `f` with the values that are read where this node stands in the order. Joins and finals are computed and tapes
+/// written where their regions end, carried variables where their loop begins.
 pub fn reads(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl FnMut(NodeId)) {
     match node {
         Node::Apply(..) | Node::Gamma { .. } => node.each_operand(f),
+        // The tape itself is in memory.
+        Node::Recall { at, .. } => f(at),
         Node::Else { gamma } => {
             let Some(Node::Gamma { end, .. }) = graph.get(gamma) else { return };
             for join in rates.joins.get(&end).into_iter().flatten() {
@@ -120,6 +122,9 @@ pub fn reads(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl F
                     f(*carried);
                     f(rates.next[*carried]);
                 }
+                for tape in rates.tapes.get(&begin).into_iter().flatten() {
+                    graph[*tape].each_operand(&mut f);
+                }
             }
             _ => {}
         },
@@ -130,7 +135,7 @@ pub fn reads(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl F
 /// Calls `f` with the values that are first written where this node stands in the order.
 pub fn defines(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl FnMut(NodeId)) {
     match node {
-        Node::Input(_) | Node::Apply(..) | Node::Counter { .. } => f(id),
+        Node::Input(_) | Node::Apply(..) | Node::Counter { .. } | Node::Recall { .. } => f(id),
         Node::Theta { .. } => rates.carried.get(&id).into_iter().flatten().for_each(|carried| f(*carried)),
         Node::Else { gamma } => {
             if let Some(Node::Gamma { end, .. }) = graph.get(gamma) {

@@ -49,6 +49,8 @@ pub struct Rates {
     pub joins: FxHashMap<NodeId, Vec<NodeId>>,
     /// The needed carried variables of a theta.
     pub carried: FxHashMap<NodeId, Vec<NodeId>>,
+    /// The needed tapes of a theta.
+    pub tapes: FxHashMap<NodeId, Vec<NodeId>>,
     /// What an iteration gives a carried variable.
     pub next: PerNode<NodeId>,
 }
@@ -79,15 +81,17 @@ impl Rates {
         let uniform = uniform(graph, varying, &next);
         let mut joins: FxHashMap<_, Vec<_>> = FxHashMap::default();
         let mut carried: FxHashMap<_, Vec<_>> = FxHashMap::default();
+        let mut tapes: FxHashMap<_, Vec<_>> = FxHashMap::default();
         for (id, node) in graph.iter().filter(|(id, _)| needed[*id]) {
             match node {
                 Node::Join { end, .. } => joins.entry(end).or_default().push(id),
                 Node::Carried { theta, .. } => carried.entry(theta).or_default().push(id),
+                Node::Tape { end, .. } => tapes.entry(owner(graph, end)).or_default().push(id),
                 _ => {}
             }
         }
         let early = early(graph, &needed, &uniform, &next, &joins);
-        Ok(Self { needed, uniform, early, joins, carried, next })
+        Ok(Self { needed, uniform, early, joins, carried, tapes, next })
     }
 }
 
@@ -96,7 +100,9 @@ fn check(graph: &Graph) -> Result<PerNode<NodeId>, EmitError> {
     let mut nexts = PerNode::new(graph, NodeId::NONE);
     for (id, node) in graph.iter() {
         match node {
-            Node::Fresh(_) | Node::Diff { .. } => return Err(EmitError::Unexpanded(id)),
+            Node::Fresh(_) | Node::Diff { .. } | Node::Within { .. } | Node::Bound { .. } => {
+                return Err(EmitError::Unexpanded(id));
+            }
             Node::Apply(op, _) if matches!(op.def().lowering, Lowering::Fragment(_)) => {
                 return Err(EmitError::NoLanes(op));
             }
@@ -129,7 +135,7 @@ fn needed(graph: &Graph, nexts: &PerNode<NodeId>) -> PerNode<bool> {
             Node::Counter { theta } => open.push(theta),
             Node::Carried { theta, .. } => open.extend([theta, nexts[id]]),
             Node::End { begin } => open.push(begin),
-            Node::Join { end, .. } | Node::Final { end, .. } => open.push(end),
+            Node::Join { end, .. } | Node::Final { end, .. } | Node::Tape { end, .. } => open.push(end),
             _ => {}
         }
     }
@@ -161,7 +167,7 @@ fn rate_operands(graph: &Graph, id: NodeId, node: Node, nexts: &PerNode<NodeId>,
             }
         }
         Node::Final { carried, .. } => f(carried),
-        Node::Apply(..) => node.each_operand(f),
+        Node::Apply(..) | Node::Tape { .. } | Node::Recall { .. } => node.each_operand(f),
         _ => {}
     }
 }
@@ -250,7 +256,7 @@ fn early(
         } else {
             let mut all = uniform[id];
             node.each_operand(|x| all &= early[x]);
-            if let Node::Join { end, .. } | Node::Final { end, .. } = node {
+            if let Node::Join { end, .. } | Node::Final { end, .. } | Node::Tape { end, .. } = node {
                 all &= early[end];
             }
             early[id] = all;

@@ -336,6 +336,9 @@ impl Emitter<'_> {
     pub fn end_theta(&mut self, theta: NodeId, hi: NodeId) {
         let Some(frame) = self.frames.pop() else { return };
         let mut carried = self.carried(theta);
+        if let (Frame::Loop { counter, .. }, Node::Theta { lo, .. }) = (&frame, self.graph[theta]) {
+            self.record(theta, lo, *counter);
+        }
         carried.retain(|variable| self.rates.next[*variable] != *variable);
         for variable in &carried {
             let next = self.rates.next[*variable];

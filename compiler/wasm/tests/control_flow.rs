@@ -161,7 +161,7 @@ impl Garden<'_, '_> {
     fn operation(&mut self) {
         loop {
             let op = Op::ALL[self.random.below(Op::ALL.len())];
-            if !matches!(op.def().lowering, isograd_graph::ops::Lowering::Lanes { .. }) {
+            if op.is_partial() || !matches!(op.def().lowering, isograd_graph::ops::Lowering::Lanes { .. }) {
                 continue;
             }
             let args: Vec<NodeId> = op.def().operands.iter().map(|s| self.pick(*s)).collect();

@@ -41,7 +41,14 @@ fn every_operation_agrees_with_the_reference() {
                 let result = b.op(*op, &args);
                 b.output("y", result);
             });
-            let points = points(*op, &mut random);
+            let mut points = points(*op, &mut random);
+            if op.is_partial() {
+                for point in &mut points {
+                    if let Value::Real(x) = point[0] {
+                        point[0] = Value::Real(if x.is_finite() { x.abs().clamp(1e-30, 1e30) } else { 1.5 });
+                    }
+                }
+            }
             compare(&verified, &vec![true; def.operands.len()], &points);
             // One operand uniform, the others varying; and all uniform.
             let mut varying = vec![true; def.operands.len()];
