@@ -7,6 +7,7 @@ use isograd_program::typed::{Branch, Loop, Slot};
 use isograd_syntax::{Code, Diagnostic, Span};
 
 use crate::machine::{Flow, Machine};
+use crate::operators::Operators as _;
 use crate::value::{Scalars, Value};
 
 /// More iterations of a csg loop than this are worth a warning.

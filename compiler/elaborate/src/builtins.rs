@@ -1,25 +1,25 @@
-//! The built-in functions in operations of the graph: the formulas of LANGUAGE 5 and 16 in the order written there.
+//! The built-in functions in operations of the table: the formulas of LANGUAGE 5 and 16 in the order written there.
 //! Knows nothing of where arguments come from; `None` means arguments that the checker never lets through.
 
-use isograd_graph::{NodeId, Op};
+use isograd_graph::Op;
 use isograd_program::{Builtin, Type};
 
 use crate::matrices::Matrix;
-use crate::nodes::Nodes;
-use crate::value::Scalars;
+use crate::operators::Operators;
 
-impl Nodes<'_> {
+/// Built-in functions, of numbers as of enclosures.
+pub(crate) trait Builtins: Operators {
     /// The value of a built-in.
-    pub(crate) fn builtin(&mut self, builtin: Builtin, types: &[Type], args: &[Scalars]) -> Option<Scalars> {
+    fn builtin(&mut self, builtin: Builtin, types: &[Type], args: &[Self::List]) -> Option<Self::List> {
         let int = types.first().is_some_and(Type::is_int);
         let of = |real: Op, integer: Op| if int { integer } else { real };
         match builtin {
-            Builtin::Dot => self.dot(args.first()?, args.get(1)?).map(Scalars::one),
+            Builtin::Dot => self.dot(args.first()?, args.get(1)?).map(Self::one),
             Builtin::Cross => {
                 let [a, b] = args else { return None };
                 Some(self.cross(triple(a)?, triple(b)?).into_iter().collect())
             }
-            Builtin::Length => self.length(args.first()?).map(Scalars::one),
+            Builtin::Length => self.length(args.first()?).map(Self::one),
             Builtin::Sqrt => self.unary(Op::Sqrt, args),
             Builtin::Exp => self.unary(Op::Exp, args),
             Builtin::Pow => self.two(args, |n, a, b| n.op(Op::Pow, &[a, b])),
@@ -30,11 +30,8 @@ impl Nodes<'_> {
                 n.op(of(Op::Min, Op::IntMin), &[x, hi])
             }),
             Builtin::Mix | Builtin::Lerp => self.three(args, Self::mix),
-            Builtin::Mod => self.two(args, |n, a, b| n.modulo(int, a, b)),
-            Builtin::Fract => self.one(args, |n, a| {
-                let floor = n.op(Op::Floor, &[a]);
-                n.sub(a, floor)
-            }),
+            Builtin::Mod => self.two(args, |n, a, b| n.op(of(Op::Mod, Op::IntRem), &[a, b])),
+            Builtin::Fract => self.unary(Op::Fract, args),
             Builtin::Abs => self.unary(of(Op::Abs, Op::IntAbs), args),
             Builtin::Floor => self.unary(Op::Floor, args),
             Builtin::Ceil => self.unary(Op::Ceil, args),
@@ -58,7 +55,7 @@ impl Nodes<'_> {
             },
             Builtin::Determinant => {
                 let [ty] = types else { return None };
-                Matrix::of(ty, args.first()?)?.determinant(self).map(Scalars::one)
+                Matrix::of(ty, args.first()?)?.determinant(self).map(Self::one)
             }
             Builtin::Transpose => {
                 let [ty] = types else { return None };
@@ -68,7 +65,7 @@ impl Nodes<'_> {
             Builtin::Normalize => self.normalize(args.first()?),
             Builtin::Distance => {
                 let difference = self.two(args, Self::sub)?;
-                self.length(&difference).map(Scalars::one)
+                self.length(&difference).map(Self::one)
             }
             Builtin::Reflect => {
                 let [i, n] = args else { return None };
@@ -87,7 +84,7 @@ impl Nodes<'_> {
                 n.op(Op::Select, &[below, zero, one])
             }),
             Builtin::Smoothstep => self.three(args, Self::smoothstep),
-            Builtin::Saturate => self.one(args, Self::saturate),
+            Builtin::Saturate => self.component_wise(args, Self::saturate),
             Builtin::Trunc => self.unary(Op::Trunc, args),
             Builtin::Log => self.unary(Op::Log, args),
             Builtin::Log2 => self.unary(Op::Log2, args),
@@ -111,32 +108,40 @@ impl Nodes<'_> {
         }
     }
 
-    fn one(&mut self, args: &[Scalars], f: impl FnMut(&mut Self, NodeId) -> NodeId) -> Option<Scalars> {
+    fn component_wise(
+        &mut self,
+        args: &[Self::List],
+        f: impl FnMut(&mut Self, Self::Value) -> Self::Value,
+    ) -> Option<Self::List> {
         let [a] = args else { return None };
         Some(self.each(a, f))
     }
 
-    fn unary(&mut self, op: Op, args: &[Scalars]) -> Option<Scalars> {
-        self.one(args, |n, a| n.op(op, &[a]))
+    fn unary(&mut self, op: Op, args: &[Self::List]) -> Option<Self::List> {
+        self.component_wise(args, |n, a| n.op(op, &[a]))
     }
 
-    fn two(&mut self, args: &[Scalars], f: impl FnMut(&mut Self, NodeId, NodeId) -> NodeId) -> Option<Scalars> {
+    fn two(
+        &mut self,
+        args: &[Self::List],
+        f: impl FnMut(&mut Self, Self::Value, Self::Value) -> Self::Value,
+    ) -> Option<Self::List> {
         let [a, b] = args else { return None };
         self.pairs(a, b, f)
     }
 
     fn three(
         &mut self,
-        args: &[Scalars],
-        mut f: impl FnMut(&mut Self, NodeId, NodeId, NodeId) -> NodeId,
-    ) -> Option<Scalars> {
+        args: &[Self::List],
+        mut f: impl FnMut(&mut Self, Self::Value, Self::Value, Self::Value) -> Self::Value,
+    ) -> Option<Self::List> {
         let [a, b, c] = args else { return None };
         let fits = a.len() == b.len() && b.len() == c.len();
         fits.then(|| a.iter().zip(b.iter()).zip(c.iter()).map(|((a, b), c)| f(self, *a, *b, *c)).collect())
     }
 
     /// `a*(1-t) + b*t`
-    fn mix(&mut self, a: NodeId, b: NodeId, t: NodeId) -> NodeId {
+    fn mix(&mut self, a: Self::Value, b: Self::Value, t: Self::Value) -> Self::Value {
         let one = self.real(1.0);
         let rest = self.sub(one, t);
         let (left, right) = (self.mul(a, rest), self.mul(b, t));
@@ -144,14 +149,14 @@ impl Nodes<'_> {
     }
 
     /// `min(max(a, 0), 1)`
-    fn saturate(&mut self, a: NodeId) -> NodeId {
+    fn saturate(&mut self, a: Self::Value) -> Self::Value {
         let (zero, one) = (self.real(0.0), self.real(1.0));
         let a = self.op(Op::Max, &[a, zero]);
         self.op(Op::Min, &[a, one])
     }
 
     /// `t = saturate((x-e0)/(e1-e0)); t*t*(3.0-2.0*t)`
-    fn smoothstep(&mut self, e0: NodeId, e1: NodeId, x: NodeId) -> NodeId {
+    fn smoothstep(&mut self, e0: Self::Value, e1: Self::Value, x: Self::Value) -> Self::Value {
         let (above, width) = (self.sub(x, e0), self.sub(e1, e0));
         let ratio = self.div(above, width);
         let t = self.saturate(ratio);
@@ -163,7 +168,7 @@ impl Nodes<'_> {
     }
 
     /// ‖v‖
-    fn length(&mut self, v: &[NodeId]) -> Option<NodeId> {
+    fn length(&mut self, v: &[Self::Value]) -> Option<Self::Value> {
         let op = match v.len() {
             2 => Op::Length2,
             3 => Op::Length3,
@@ -174,13 +179,13 @@ impl Nodes<'_> {
     }
 
     /// `v / ‖v‖`, 0 where ‖v‖ computes 0
-    fn normalize(&mut self, v: &[NodeId]) -> Option<Scalars> {
+    fn normalize(&mut self, v: &[Self::Value]) -> Option<Self::List> {
         let length = self.length(v)?;
         Some(self.each(v, |n, x| n.op(Op::Unit, &[x, length])))
     }
 
     /// The components, or `u = normalize(axis)*sin(angle*0.5)`, `w = cos(angle*0.5)` (LANGUAGE 16.1).
-    fn quat(&mut self, args: &[Scalars]) -> Option<Scalars> {
+    fn quat(&mut self, args: &[Self::List]) -> Option<Self::List> {
         let [axis, angle] = args else {
             return (args.len() == 4).then(|| args.iter().flat_map(|a| a.iter().copied()).collect());
         };
@@ -194,20 +199,20 @@ impl Nodes<'_> {
     }
 
     /// `(−u, w)`
-    fn conjugate(&mut self, q: &[NodeId]) -> Option<Scalars> {
+    fn conjugate(&mut self, q: &[Self::Value]) -> Option<Self::List> {
         let [x, y, z, w] = quadruple(q)?;
         let negative = self.each(&[x, y, z], |n, a| n.op(Op::Neg, &[a]));
         Some(negative.iter().copied().chain([w]).collect())
     }
 
     /// `conjugate(q)/dot(q,q)` (LANGUAGE 16.1)
-    fn quat_inverse(&mut self, q: &[NodeId]) -> Option<Scalars> {
+    fn quat_inverse(&mut self, q: &[Self::Value]) -> Option<Self::List> {
         let (conjugate, square) = (self.conjugate(q)?, self.dot(q, q)?);
         Some(self.each(&conjugate, |n, x| n.div(x, square)))
     }
 
     /// `v + cross(u, cross(u, v) + v*w)*2.0`
-    fn rotate(&mut self, [x, y, z, w]: [NodeId; 4], v: [NodeId; 3]) -> Option<Scalars> {
+    fn rotate(&mut self, [x, y, z, w]: [Self::Value; 4], v: [Self::Value; 3]) -> Option<Self::List> {
         let u = [x, y, z];
         let inner = self.cross(u, v);
         let inner = self.pairs(&inner, &v, |n, c, v| {
@@ -223,10 +228,12 @@ impl Nodes<'_> {
     }
 }
 
-fn triple(v: &[NodeId]) -> Option<[NodeId; 3]> {
+impl<D: Operators> Builtins for D {}
+
+fn triple<T: Copy>(v: &[T]) -> Option<[T; 3]> {
     v.try_into().ok()
 }
 
-fn quadruple(v: &[NodeId]) -> Option<[NodeId; 4]> {
+fn quadruple<T: Copy>(v: &[T]) -> Option<[T; 4]> {
     v.try_into().ok()
 }

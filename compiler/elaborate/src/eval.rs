@@ -138,7 +138,7 @@ impl Machine<'_, '_> {
             (n, Some(Type::Tuple(elements))) if n as usize == elements.len() => {
                 let mut rest = &**at;
                 for element in elements {
-                    let (head, tail) = rest.split_at_checked(element.len() as usize).unwrap_or((rest, &[]));
+                    let (head, tail) = rest.split_at_checked(element.width() as usize).unwrap_or((rest, &[]));
                     args.push(Value::Scalars(head.iter().copied().collect()));
                     rest = tail;
                 }

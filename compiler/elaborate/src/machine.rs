@@ -1,7 +1,7 @@
 //! The machine that runs a program's stack code with graph nodes for numbers. Bodies, branches, loops and evals lie
 //! on a stack of their own, never on the host's. What a construct means is in the files beside this one.
 
-use isograd_graph::{Exhausted, NodeId, Op, Scalar, Watch};
+use isograd_graph::{Exhausted, NodeId, Op, Precision, Scalar, Watch};
 use isograd_program::typed::{Code, Constant, FunctionId, ImplId, Instruction, Slot};
 use isograd_program::{Program, ScalarKind};
 use isograd_syntax::{Code as DiagnosticCode, Diagnostic, Limits, Span};
@@ -9,11 +9,14 @@ use rustc_hash::FxHashMap;
 
 use crate::Elaborated;
 use crate::branches::Control;
+use crate::builtins::Builtins as _;
 use crate::code::{Jumps, jumps};
 use crate::csg::{CsgNode, Forest, LinkId};
 use crate::eval::{ChoiceState, Key};
+use crate::intervals::{is_enclosed, with_flags, without_flags};
 use crate::messages::too_large;
 use crate::nodes::Nodes;
+use crate::operators::Operators as _;
 use crate::value::{Scalars, Value};
 
 /// Elaboration stops; why is in the machine's diagnostics.
@@ -108,7 +111,7 @@ pub(crate) fn constant(
 ) -> Result<Vec<isograd_graph::Value>, Vec<Diagnostic>> {
     let site = program.functions.get(owner.0 as usize).map_or(constant.span, |f| f.span);
     let mut machine = Machine::new(program, limits, watch, site);
-    let values = machine.constant(owner, &constant.code);
+    let values = machine.constant(owner, constant);
     match values {
         Ok(values) if machine.diagnostics.is_empty() => Ok(values),
         _ => Err(machine.diagnostics),
@@ -139,10 +142,12 @@ impl<'p, 'w> Machine<'p, 'w> {
     }
 
     /// Runs code without parameters, whose value is constant.
-    fn constant(&mut self, owner: FunctionId, code: &'p Code) -> Flow<Vec<isograd_graph::Value>> {
-        self.enter(Body::Function(owner), code, Vec::new(), None, None)?;
+    fn constant(&mut self, owner: FunctionId, constant: &'p Constant) -> Flow<Vec<isograd_graph::Value>> {
+        // Constants are computed in f64 (LANGUAGE 17.3), the ends of intervals too.
+        self.nodes.intervals.compute_in(Precision::F64);
+        self.enter(Body::Function(owner), &constant.code, Vec::new(), None, None)?;
         self.run()?;
-        let result = self.pop_scalars()?;
+        let result = without_flags(&constant.ty, &self.pop_scalars()?);
         let values: Option<Vec<_>> = result.iter().map(|x| self.nodes.value(*x)).collect();
         values.ok_or(()).map_err(|()| self.bug("constant without a value"))
     }
@@ -161,9 +166,6 @@ impl<'p, 'w> Machine<'p, 'w> {
     fn export(&mut self, id: FunctionId) -> Flow {
         let program = self.program;
         let Some(function) = program.functions.get(id.0 as usize) else { return Err(self.bug("no such function")) };
-        if function.result.has_interval() || function.params.iter().any(|p| p.ty.has_interval()) {
-            return Err(self.intervals(function.span));
-        }
         let counts = [
             ("parameters", function.params.iter().map(|p| u64::from(p.ty.len())).sum::<u64>()),
             ("results", u64::from(function.result.len())),
@@ -180,7 +182,7 @@ impl<'p, 'w> Machine<'p, 'w> {
                 return Err(Stop);
             }
         }
-        let mut args = Vec::new();
+        let mut inputs = Vec::new();
         for param in &function.params {
             let columns = param.ty.columns(&param.name);
             let input = |(name, kind): (String, ScalarKind)| {
@@ -191,11 +193,14 @@ impl<'p, 'w> Machine<'p, 'w> {
                 };
                 self.nodes.builder.input(name, scalar)
             };
-            args.push(Value::Scalars(columns.into_iter().zip(param.ty.scalars()).map(input).collect()));
+            inputs.push(columns.into_iter().zip(param.ty.scalars()).map(input).collect::<Scalars>());
         }
+        let no = self.nodes.bool(false);
+        let args = function.params.iter().zip(&inputs);
+        let args = args.map(|(param, input)| Value::Scalars(with_flags(&param.ty, input, no))).collect();
         self.enter(Body::Function(id), &function.code, args, None, None)?;
         self.run()?;
-        let result = self.pop_scalars()?;
+        let result = without_flags(&function.result, &self.pop_scalars()?);
         let columns = function.result.columns("value");
         if columns.len() != result.len() {
             return Err(self.bug("result of another shape than declared"));
@@ -342,7 +347,7 @@ impl<'p, 'w> Machine<'p, 'w> {
         self.stack.push(Value::Scalars(scalars));
     }
 
-    fn push_checked(&mut self, scalars: Option<Scalars>) -> Flow {
+    pub(crate) fn push_checked(&mut self, scalars: Option<Scalars>) -> Flow {
         match scalars {
             Some(scalars) => {
                 self.push_scalars(scalars);
@@ -391,7 +396,7 @@ impl<'p, 'w> Machine<'p, 'w> {
         Ok(values)
     }
 
-    fn pop_many_scalars(&mut self, n: usize) -> Flow<Vec<Scalars>> {
+    pub(crate) fn pop_many_scalars(&mut self, n: usize) -> Flow<Vec<Scalars>> {
         let mut values = Vec::with_capacity(n.min(64));
         for _ in 0..n {
             values.push(self.pop_scalars()?);
@@ -407,6 +412,7 @@ impl<'p, 'w> Machine<'p, 'w> {
         frame.pc += 1;
         self.nodes.stand(*span);
         match instruction {
+            _ if is_enclosed(instruction) => self.interval(instruction)?,
             Instruction::Int(x) => {
                 let node = self.nodes.int(*x);
                 self.push_scalars(Scalars::one(node));
@@ -484,7 +490,7 @@ impl<'p, 'w> Machine<'p, 'w> {
             | Instruction::End { .. }
             | Instruction::PickInterval { .. }
             | Instruction::MayBeNan
-            | Instruction::Bound { .. } => return Err(self.intervals(*span)),
+            | Instruction::Bound { .. } => self.interval(instruction)?,
             Instruction::Diff => self.diff()?,
             Instruction::Call(function) => self.call(*function)?,
             Instruction::Node { definition, subtrees } => self.build(*definition, *subtrees as usize, *span)?,

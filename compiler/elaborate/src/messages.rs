@@ -70,14 +70,6 @@ impl Machine<'_, '_> {
         )
     }
 
-    /// Intervals are checked, but their values are not computed yet.
-    pub(crate) fn intervals(&mut self, span: Span) -> Stop {
-        self.fail(
-            Diagnostic::new(Code::E1101, span, "values of intervals are not yet supported")
-                .note("they are part of the language and will be compiled by a later version"),
-        )
-    }
-
     /// Adds the calls and evals that led here, the innermost first.
     fn chained(&self, mut diagnostic: Diagnostic) -> Diagnostic {
         let mut shown = Vec::new();

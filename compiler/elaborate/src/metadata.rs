@@ -18,7 +18,6 @@ pub struct Metadata {
 }
 
 /// The metadata of the parameters of an export, computed in f64 (LANGUAGE 17.3), and what is wrong with it (E0903).
-/// A default that is an interval is left out: values of intervals are not computed yet.
 #[must_use]
 pub fn metadata(
     program: &Program,
@@ -35,7 +34,7 @@ pub fn metadata(
             match values {
                 Ok(values) => Some(spread(values.into_iter().map(number).collect(), param)),
                 Err(diagnostics) => {
-                    wrong.extend(diagnostics.into_iter().filter(|d| d.code != Code::E1101));
+                    wrong.extend(diagnostics);
                     None
                 }
             }

@@ -3,11 +3,13 @@
 
 use std::collections::BTreeMap;
 
-use isograd_graph::{Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Origin, Precision, Scalar, Value, Watch, ops};
+use isograd_graph::ops::{self, Accuracy};
+use isograd_graph::{Builder, Exhausted, Graph, Mode, Node, NodeId, Op, Origin, Precision, Scalar, Value, Watch};
 use isograd_program::{ScalarKind, Type};
 use isograd_syntax::Span;
 use rustc_hash::FxHashMap;
 
+use crate::intervals::{Known, with_flags};
 use crate::value::Scalars;
 
 /// A builder in raw mode that also knows the values of constants.
@@ -22,6 +24,7 @@ pub(crate) struct Nodes<'w> {
     here: Span,
     /// How often something was made that equals nothing else: see [`Nodes::novelties`].
     novelties: u64,
+    pub(crate) intervals: Known,
 }
 
 /// A graph, the span of each origin, and the names of carried variables by theirs.
@@ -39,6 +42,7 @@ impl<'w> Nodes<'w> {
             carried: BTreeMap::new(),
             here: span,
             novelties: 0,
+            intervals: Known::default(),
         }
     }
 
@@ -127,14 +131,16 @@ impl<'w> Nodes<'w> {
         id
     }
 
-    /// A value of zeros.
+    /// A value of zeros; its intervals are points.
     pub(crate) fn zeros(&mut self, ty: &Type) -> Scalars {
         let zero = |kind: &ScalarKind| match kind {
             ScalarKind::Real => self.real(0.0),
             ScalarKind::Int => self.int(0),
             ScalarKind::Bool => self.bool(false),
         };
-        ty.scalars().iter().map(zero).collect()
+        let zeros: Scalars = ty.scalars().iter().map(zero).collect();
+        let no = self.bool(false);
+        with_flags(ty, &zeros, no)
     }
 
     /// Applies an operation of the table.
@@ -142,20 +148,37 @@ impl<'w> Nodes<'w> {
         let before = self.builder.graph().len();
         let id = self.builder.op(op, args);
         if id.index() >= before {
-            let mut values = [Value::Int(0); 4];
-            let constant = args.iter().zip(&mut values).all(|(arg, place)| match self.value(*arg) {
-                Some(value) => {
-                    *place = value;
-                    true
-                }
-                None => false,
-            });
-            if constant {
-                let value = ops::constant(op, values.get(..args.len()).unwrap_or(&[]), Precision::F64);
-                self.note(id, value);
-            }
+            let value = self.applied(op, args, Precision::F64);
+            self.note(id, value);
         }
         id
+    }
+
+    /// The value of an operation on constants.
+    fn applied(&self, op: Op, args: &[NodeId], precision: Precision) -> Option<Value> {
+        let mut values = [Value::Int(0); 4];
+        for (arg, place) in args.iter().zip(&mut values) {
+            *place = self.value(*arg)?;
+        }
+        ops::constant(op, values.get(..args.len()).unwrap_or(&[]), precision)
+    }
+
+    /// Notes the constants among the nodes from `start` on, which were not made one by one. An operation that rounds to
+    /// `real` has a value if it is known which numbers those are.
+    pub(crate) fn note_from(&mut self, start: usize, precision: Option<Precision>) {
+        for at in start..self.builder.graph().len() {
+            let id = NodeId(u32::try_from(at).unwrap_or(u32::MAX));
+            let value = match self.builder.graph().get(id) {
+                Some(Node::Fresh(inner)) => self.value(inner),
+                Some(Node::Apply(op, args)) if op.def().accuracy == Accuracy::Directed => {
+                    precision.and_then(|p| self.applied(op, args.as_slice(), p))
+                }
+                Some(Node::Apply(op, args)) => self.applied(op, args.as_slice(), Precision::F64),
+                Some(_) => self.builder.value(id),
+                None => None,
+            };
+            self.note(id, value);
+        }
     }
 
     /// A value of its own if `id` is real; ints and bools need none, nothing differentiates by them.

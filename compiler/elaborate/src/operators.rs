@@ -1,55 +1,59 @@
-//! Operators and casts in operations of the graph, in the order that LANGUAGE 4.1 and 3.4 fix. Knows nothing of
+//! Operators and casts in operations of the table, in the order that LANGUAGE 4.1 and 3.4 fix. Knows nothing of
 //! where operands come from; `None` means operands that the checker never lets through.
 
 use isograd_graph::{NodeId, Op};
 use isograd_program::Type;
 use isograd_syntax::tree::BinaryOp;
 
+use crate::domain::Domain;
 use crate::nodes::Nodes;
 use crate::value::Scalars;
 
-/// Short names for operations.
-impl Nodes<'_> {
-    pub(crate) fn add(&mut self, a: NodeId, b: NodeId) -> NodeId {
+/// Operators, on numbers as on enclosures.
+pub(crate) trait Operators: Domain {
+    fn add(&mut self, a: Self::Value, b: Self::Value) -> Self::Value {
         self.op(Op::Add, &[a, b])
     }
 
-    pub(crate) fn sub(&mut self, a: NodeId, b: NodeId) -> NodeId {
+    fn sub(&mut self, a: Self::Value, b: Self::Value) -> Self::Value {
         self.op(Op::Sub, &[a, b])
     }
 
-    pub(crate) fn mul(&mut self, a: NodeId, b: NodeId) -> NodeId {
+    fn mul(&mut self, a: Self::Value, b: Self::Value) -> Self::Value {
         self.op(Op::Mul, &[a, b])
     }
 
-    pub(crate) fn div(&mut self, a: NodeId, b: NodeId) -> NodeId {
+    fn div(&mut self, a: Self::Value, b: Self::Value) -> Self::Value {
         self.op(Op::Div, &[a, b])
     }
 
     /// Applies `f` to each scalar.
-    pub(crate) fn each(&mut self, a: &[NodeId], mut f: impl FnMut(&mut Self, NodeId) -> NodeId) -> Scalars {
+    fn each(&mut self, a: &[Self::Value], mut f: impl FnMut(&mut Self, Self::Value) -> Self::Value) -> Self::List {
         a.iter().map(|a| f(self, *a)).collect()
     }
 
     /// Applies `f` component by component.
-    pub(crate) fn pairs(
+    fn pairs(
         &mut self,
-        a: &[NodeId],
-        b: &[NodeId],
-        mut f: impl FnMut(&mut Self, NodeId, NodeId) -> NodeId,
-    ) -> Option<Scalars> {
+        a: &[Self::Value],
+        b: &[Self::Value],
+        mut f: impl FnMut(&mut Self, Self::Value, Self::Value) -> Self::Value,
+    ) -> Option<Self::List> {
         (a.len() == b.len()).then(|| a.iter().zip(b).map(|(a, b)| f(self, *a, *b)).collect())
     }
-}
 
-impl Nodes<'_> {
+    /// A list of one.
+    fn one(x: Self::Value) -> Self::List {
+        std::iter::once(x).collect()
+    }
+
     /// `a op b` (LANGUAGE 4.1).
-    pub(crate) fn binary(
+    fn binary(
         &mut self,
         op: BinaryOp,
-        (left, a): (&Type, &[NodeId]),
-        (right, b): (&Type, &[NodeId]),
-    ) -> Option<Scalars> {
+        (left, a): (&Type, &[Self::Value]),
+        (right, b): (&Type, &[Self::Value]),
+    ) -> Option<Self::List> {
         let int = left.is_int();
         let (real_op, int_op) = match op {
             BinaryOp::Mul => return self.product((left, a), (right, b)),
@@ -60,7 +64,7 @@ impl Nodes<'_> {
                 return Some(self.each(a, |n, x| n.div(x, s)));
             }
             BinaryOp::Div => (Op::Div, Op::IntDiv),
-            BinaryOp::Rem => return self.pairs(a, b, |n, a, b| n.modulo(int, a, b)),
+            BinaryOp::Rem => (Op::Mod, Op::IntRem),
             BinaryOp::Lt => (Op::Lt, Op::IntLt),
             BinaryOp::Le => (Op::Le, Op::IntLe),
             // a > b is b < a, a ≥ b is b ≤ a.
@@ -82,7 +86,11 @@ impl Nodes<'_> {
     }
 
     /// `a * b` for every pair of types that has a product.
-    fn product(&mut self, (left, a): (&Type, &[NodeId]), (right, b): (&Type, &[NodeId])) -> Option<Scalars> {
+    fn product(
+        &mut self,
+        (left, a): (&Type, &[Self::Value]),
+        (right, b): (&Type, &[Self::Value]),
+    ) -> Option<Self::List> {
         match (left, right) {
             (Type::Int, Type::Int) | (Type::IntVector(_), Type::IntVector(_)) => {
                 self.pairs(a, b, |n, a, b| n.op(Op::IntMul, &[a, b]))
@@ -113,7 +121,7 @@ impl Nodes<'_> {
     }
 
     /// Σ aᵢbᵢ, i ascending.
-    pub(crate) fn dot(&mut self, a: &[NodeId], b: &[NodeId]) -> Option<NodeId> {
+    fn dot(&mut self, a: &[Self::Value], b: &[Self::Value]) -> Option<Self::Value> {
         if a.len() != b.len() {
             return None;
         }
@@ -129,14 +137,14 @@ impl Nodes<'_> {
     }
 
     /// Σₖ a.k·bₖ, k ascending.
-    fn matrix_vector(&mut self, a: &[NodeId], rows: u8, b: &[NodeId]) -> Option<Scalars> {
+    fn matrix_vector(&mut self, a: &[Self::Value], rows: u8, b: &[Self::Value]) -> Option<Self::List> {
         let rows = usize::from(rows);
         let row = |r: usize| a.chunks_exact(rows).filter_map(|c| c.get(r).copied()).collect::<Vec<_>>();
         (0..rows).map(|r| self.dot(&row(r), b)).collect()
     }
 
     /// `[a.y*b.z - a.z*b.y, a.z*b.x - a.x*b.z, a.x*b.y - a.y*b.x]`
-    pub(crate) fn cross(&mut self, a: [NodeId; 3], b: [NodeId; 3]) -> [NodeId; 3] {
+    fn cross(&mut self, a: [Self::Value; 3], b: [Self::Value; 3]) -> [Self::Value; 3] {
         let ([ax, ay, az], [bx, by, bz]) = (a, b);
         let mut minor = |p, q, r, s| {
             let (left, right) = (self.mul(p, q), self.mul(r, s));
@@ -146,8 +154,9 @@ impl Nodes<'_> {
     }
 
     /// Hamilton's product: `w = p.w*q.w − dot(p.u,q.u)`, `u = q.u*p.w + p.u*q.w + cross(p.u,q.u)` (LANGUAGE 16.1).
-    fn quat_product(&mut self, p: &[NodeId], q: &[NodeId]) -> Option<Scalars> {
-        let ([px, py, pz, pw], [qx, qy, qz, qw]) = (<[NodeId; 4]>::try_from(p).ok()?, <[NodeId; 4]>::try_from(q).ok()?);
+    fn quat_product(&mut self, p: &[Self::Value], q: &[Self::Value]) -> Option<Self::List> {
+        let ([px, py, pz, pw], [qx, qy, qz, qw]) =
+            (<[Self::Value; 4]>::try_from(p).ok()?, <[Self::Value; 4]>::try_from(q).ok()?);
         let (pu, qu) = ([px, py, pz], [qx, qy, qz]);
         let cross = self.cross(pu, qu);
         let mut result = Vec::with_capacity(4);
@@ -161,28 +170,25 @@ impl Nodes<'_> {
         Some(result.into_iter().collect())
     }
 
-    /// `a - b*floor(a/b)`; over the integers for ints.
-    pub(crate) fn modulo(&mut self, int: bool, a: NodeId, b: NodeId) -> NodeId {
-        if int {
-            return self.op(Op::IntRem, &[a, b]);
-        }
-        let quotient = self.div(a, b);
-        let floor = self.op(Op::Floor, &[quotient]);
-        let whole = self.mul(b, floor);
-        self.sub(a, whole)
-    }
-
     /// `-a`
-    pub(crate) fn negative(&mut self, ty: &Type, a: &[NodeId]) -> Scalars {
+    fn negative(&mut self, ty: &Type, a: &[Self::Value]) -> Self::List {
         let op = if ty.is_int() { Op::IntNeg } else { Op::Neg };
         self.each(a, |n, x| n.op(op, &[x]))
     }
+}
 
+impl<D: Domain> Operators for D {}
+
+impl Nodes<'_> {
     /// `a` as another type (LANGUAGE 3.4).
     pub(crate) fn cast(&mut self, from: &Type, to: &Type, a: &[NodeId]) -> Option<Scalars> {
         match (from, to) {
-            (Type::Vector(_), Type::IntVector(_)) => return Some(self.each(a, |n, x| n.op(Op::RealToInt, &[x]))),
-            (Type::IntVector(_), Type::Vector(_)) => return Some(self.each(a, |n, x| n.op(Op::IntToReal, &[x]))),
+            (Type::Vector(_), Type::IntVector(_)) => {
+                return Some(Operators::each(self, a, |n, x| n.op(Op::RealToInt, &[x])));
+            }
+            (Type::IntVector(_), Type::Vector(_)) => {
+                return Some(Operators::each(self, a, |n, x| n.op(Op::IntToReal, &[x])));
+            }
             _ => {}
         }
         let [x] = *a else { return None };

@@ -56,6 +56,12 @@ fn malformed_programs_are_answered() {
             load.clone(),
             Instruction::Binary { op: BinaryOp::Mul, left: Type::Quat, right: Type::Quat },
         ],
+        vec![load.clone(), Instruction::MayBeNan],
+        vec![load.clone(), Instruction::End { ty: Type::Vector(4), upper: true }],
+        vec![load.clone(), Instruction::PickInterval { ends: 1, offset: u32::MAX, length: u32::MAX }],
+        vec![load.clone(), load.clone(), load.clone(), Instruction::Pack(2), Instruction::Interval(Type::Real)],
+        vec![load.clone(), load.clone(), Instruction::Bound { value: Type::Real, by: Type::Real }],
+        vec![load.clone(), Instruction::Builtin { builtin: Builtin::Cross, args: vec![Type::Real.interval(); 2] }],
         vec![load, Instruction::Cast { from: Type::Real, to: Type::Bool }],
     ];
     for case in cases {

@@ -45,7 +45,8 @@ fn numbers() {
     assert_eq!(only("x: real = 0.1 + 0.2"), (Some(vec![0.1 + 0.2]), None));
     let (default, _) = only("x: real = 2.0 * PI * max(cos(0.0), 0.5)");
     assert_eq!(default, Some(vec![std::f64::consts::TAU]));
-    assert_eq!(only("x: interval<real> = [0.0 .. 1.0]"), (None, None), "values of intervals are a later part");
+    assert_eq!(only("x: interval<real> = [0.1 .. 1.0]"), (Some(vec![0.1, 1.0]), None));
+    assert_eq!(only("x: (bool, interval<int>) = (true, [2 .. -1])"), (Some(vec![1.0, 2.0, -1.0]), None));
 }
 
 #[test]

@@ -314,19 +314,46 @@ fn determinants_expand_along_row_0() {
     }
 }
 
-/// Values of intervals are answered once, at the first place.
+/// An interval has a flag for each component on the machine and none in the interface (LANGUAGE 9.2).
 #[test]
-fn intervals() {
-    for (signature, body) in [
-        ("f(x: real) -> real", "let i = [0.0 .. x] * 2.0; let j = bound(x, x, i); j.end"),
-        ("f(i: interval<real>) -> real", "i.start + [i.end .. 1.0].end"),
-        ("f(x: real) -> (bool, interval<vec2>)", "(true, [[x, x] .. [x, x]])"),
-        ("f(x: real) -> real", "if x > 0.0 { bound(x, x, [x .. x]).end } else { [x .. x].start }"),
-    ] {
-        assert_eq!(codes(&example(signature, body)), [Code::E1101], "{body}");
-    }
-    let unused = "fn g(i: interval<real>) -> real { i.end } export fn f(x: real) -> real { if 1 < 2 { x } else { g([x .. x]) } }";
-    assert_eq!(codes(unused), []);
+fn intervals_at_the_interface() {
+    let signature =
+        "f(n: int, i: interval<vec2>, t: (bool, interval<int>)) -> ((interval<int>, bool), interval<vec2>, real)";
+    let body = "let k = if t.0 { t.1 } else { [n .. 7] }; ((k, i.may_be_nan), [i.y, i.x], i.1.x + t.1.end::<real>)";
+    let graph = graph(&example(signature, body));
+    let inputs: Vec<&str> = graph.inputs.iter().map(|i| i.name.as_str()).collect();
+    let of_i = ["i.start.x", "i.start.y", "i.end.x", "i.end.y"];
+    assert_eq!(inputs, [&["n"], &of_i[..], &["t.0", "t.1.start", "t.1.end"]].concat());
+    let outputs: Vec<&str> = graph.outputs.iter().map(|o| o.name.as_str()).collect();
+    let of_tuple = ["value.0.0.start", "value.0.0.end", "value.0.1"];
+    let of_interval = ["value.1.start.x", "value.1.start.y", "value.1.end.x", "value.1.end.y"];
+    assert_eq!(outputs, [&of_tuple[..], &of_interval, &["value.2"]].concat());
+    assert_eq!(run(&graph, &[5., 1., 2., 3., 4., 1., 8., 6.]), [8., 6., 0., 2., 1., 4., 3., 9.]);
+    assert_eq!(run(&graph, &[5., 1., 2., 3., 4., 0., 8., 6.]), [5., 7., 0., 2., 1., 4., 3., 9.]);
+}
+
+/// `[lo .. hi]` makes no new values of its ends (LANGUAGE 13.3.1), and keeps them as given (LANGUAGE 15.2).
+#[test]
+fn ends_are_the_values_given() {
+    let ends = "let i = [y .. x]; [diff(x * y, i.start), diff(x * y, i.1), i.start, diff(i.end * x, i.end)]";
+    let graph = graph(&example("f(x: real, y: real) -> vec4", ends));
+    assert_eq!(derivatives(&graph, &[2., 3.]), [2., 3., 3., 4.]);
+}
+
+/// What is not live, or stands in a branch that is never taken, costs nothing.
+#[test]
+fn intervals_that_nobody_reads() {
+    let unused = "fn g(i: interval<real>) -> real { (i * i).end } export fn f(x: real) -> real { if 1 < 2 { x } else { g([x .. x]) } }";
+    assert_eq!(graph(unused).operations(), 1, "the comparison");
+    let ends = graph(&example("f(x: real) -> real", "let n = ([1 .. 2].end + 1)::<real>; [x .. n].end * x"));
+    assert_eq!(run(&ends, &[2.]), [6.]);
+}
+
+/// Ends of ints are constant where they are constant, and may bound csg loops (LANGUAGE 11.7).
+#[test]
+fn constant_ends() {
+    let body = "let i = [1 .. 3]; csg c = Line(); for k in i.start .. i.end { c = Inc(){ c }; } eval c.D(x)";
+    assert_eq!(run(&graph(&example("f(x: real) -> real", body)), &[2.]), [4.]);
 }
 
 #[test]

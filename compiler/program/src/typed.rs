@@ -160,7 +160,7 @@ pub struct Function {
 }
 
 /// A body: linear code for a machine with a stack of values and numbered slots. A value is a list of scalars
-/// (LANGUAGE 9.2: flattened) or one csg tree. Every instruction has the span it was written at.
+/// (flattened as in LANGUAGE 9.2, with the flags of intervals: [`Type::width`]) or one csg tree. Every instruction has the span it was written at.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Code {
     /// Every local variable, parameters first.

@@ -75,6 +75,25 @@ impl Type {
         }
     }
 
+    /// The number of scalars of the value while a program runs: an interval there has a third part after its ends, a
+    /// bool for each of their scalars that says whether it may be NaN (LANGUAGE 15.6).
+    #[must_use]
+    pub fn width(&self) -> u32 {
+        match self {
+            Self::Interval(inner) => 3 * inner.len(),
+            Self::Tuple(elements) => elements.iter().map(Self::width).sum(),
+            other => other.len(),
+        }
+    }
+
+    /// Calls `f` with each part that is no tuple, in order.
+    pub fn each_part(&self, f: &mut impl FnMut(&Self)) {
+        match self {
+            Self::Tuple(elements) => elements.iter().for_each(|e| e.each_part(f)),
+            other => f(other),
+        }
+    }
+
     /// Whether the value has no scalars.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -106,16 +125,6 @@ impl Type {
     #[must_use]
     pub fn interval(self) -> Self {
         Self::Interval(Box::new(self))
-    }
-
-    /// Whether it is an interval or a tuple that holds one somewhere.
-    #[must_use]
-    pub fn has_interval(&self) -> bool {
-        match self {
-            Self::Interval(_) => true,
-            Self::Tuple(elements) => elements.iter().any(Self::has_interval),
-            _ => false,
-        }
     }
 
     /// Names of the flattened scalars below `root`: `at.x`, `m.x.y`, `t.0.z`, `i.start`; the root itself for a scalar.

@@ -152,12 +152,17 @@ fn duals(graph: &Graph, inputs: &[Value], seed: NodeId) -> Vec<(f64, f64)> {
             Node::Bool(x) => (f64::from(u8::from(x)), 0.0),
             Node::Fresh(x) => at(x),
             Node::Diff { value, wrt } if seed == NodeId::NONE => (duals_of(graph, inputs, value, wrt), 0.0),
-            Node::Diff { .. } => (f64::NAN, 0.0),
+            Node::Diff { .. } | Node::Within { .. } | Node::Bound { .. } => (f64::NAN, 0.0),
             Node::Gamma { cond, .. } => at(cond),
             Node::Else { .. } => (0.0, 0.0),
             Node::End { begin } => at(begin),
             Node::Join { end, then, otherwise } => at(if at(end).0 == 1.0 { then } else { otherwise }),
-            Node::Theta { .. } | Node::Counter { .. } | Node::Carried { .. } | Node::Final { .. } => panic!("a loop"),
+            Node::Theta { .. }
+            | Node::Counter { .. }
+            | Node::Carried { .. }
+            | Node::Final { .. }
+            | Node::Tape { .. }
+            | Node::Recall { .. } => panic!("a loop"),
             Node::Apply(op, args) => {
                 let args: Vec<(f64, f64)> = args.as_slice().iter().map(|a| at(*a)).collect();
                 match (op, &args[..]) {

@@ -126,7 +126,7 @@ impl<'a> Body<'a> {
             self.no_field(base, field, value);
             return Type::Error;
         };
-        self.emit(Instruction::Pick { offset, length: ty.len() }, span);
+        self.emit(Instruction::Pick { offset, length: ty.width() }, span);
         ty
     }
 
@@ -204,7 +204,7 @@ fn element(base: &Type, index: usize) -> Option<(u32, Type)> {
         }
         Type::Tuple(elements) => {
             let ty = elements.get(index)?.clone();
-            Some((elements.iter().take(index).map(Type::len).sum(), ty))
+            Some((elements.iter().take(index).map(Type::width).sum(), ty))
         }
         _ => None,
     }
