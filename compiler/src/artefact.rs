@@ -3,7 +3,7 @@
 use isograd_syntax::Diagnostic;
 use serde::{Deserialize, Serialize};
 
-use crate::{DerivativeMode, Rate};
+use crate::{DerivativeMode, Differentiability, Kink, Rate, Role};
 
 /// A compiled request.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,12 +41,34 @@ pub struct Manifest {
     pub pad: u32,
     /// Bytes of the module's memory.
     pub memory: u32,
+    /// Bytes of it that are neither input nor output: what the module keeps during a call, for the functions of a large
+    /// module and for loops that are differentiated in reverse.
+    #[serde(default)]
+    pub scratch: u32,
     /// Operations of the graph, a measure of cost.
     pub operations: u32,
     /// Whether a loop of the module may run longer than 10,000 iterations per point: a host should bound its time.
     pub unbounded: bool,
     /// How its derivatives are computed.
     pub derivatives: Derivatives,
+    /// What is left of it, if it is specialised to a box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub specialised: Option<Specialised>,
+    /// What becomes of operations that have no derivative somewhere (LANGUAGE 14).
+    #[serde(default)]
+    pub differentiability: Differentiability,
+    /// Where that is `smooth`: how smooth. Kinks have the width 10⁻³ times this.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensitivity: Option<Number>,
+}
+
+/// What specialisation left of a graph, in operations before transcendental functions are expanded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Specialised {
+    /// Operations that compute the queries anywhere.
+    pub from: u32,
+    /// Operations that compute them inside of the box, which the inputs' `within` says.
+    pub to: u32,
 }
 
 /// How derivatives are computed, and what each way costs per point, in units of an addition before transcendental
@@ -89,14 +111,27 @@ impl ColumnType {
 /// An input or output of several columns.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Port {
-    /// A parameter's name, or a query as written: `gradient(at)`.
+    /// A parameter's name (of a box beside the value `at.box`, of a direction `at.direction`), or a query as written:
+    /// `gradient(at)`.
     pub name: String,
     /// Its type: `vec3`.
     #[serde(rename = "type")]
     pub ty: String,
     /// For inputs: how often it changes; outputs vary.
     pub rate: Rate,
-    /// Its scalars in order (LANGUAGE 9.2).
+    /// For inputs: whether the numbers are the parameter's value, the ends of a box, or a direction. A parameter that
+    /// ranges over a box in every query has no value.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub role: Role,
+    /// Of `bound(…, mean)`: the results whose enclosure is the natural one, because they are not known to be
+    /// continuous in what ranges over boxes. Of `lipschitz(…)`: the results that may jump, which no bound of a gradient
+    /// shows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub jumps: Vec<String>,
+    /// Of `kinks(…)`: the kinks that its column `kink` numbers, from 0.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kinks: Vec<Kink>,
+    /// Its scalars in order (LANGUAGE 9.2); of a box, the start and the end of each real.
     pub columns: Vec<Column>,
 }
 
@@ -104,7 +139,8 @@ pub struct Port {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Column {
     /// Its name: `at.x`; of a gradient the parameter scalar, of a Hessian two of them, `at.x/at.y`; before them the
-    /// result scalar, `value.x/at.y`, if the result has several.
+    /// result scalar, `value.x/at.y`, if the result has several. Of a box `at.x.start` and `at.x.end`, of a direction
+    /// `at.x.direction`. Of an enclosure `start`, `end`, `may_be_nan`, after what is enclosed if that is several.
     pub name: String,
     /// What it holds.
     pub scalar: ColumnType,
@@ -113,9 +149,20 @@ pub struct Column {
     /// Of an input: the value that the parameter has by default (LANGUAGE 9.3).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub default: Option<Number>,
+    /// Of an input: the ends of the box that the module is specialised to. Outside of it results mean nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<[Number; 2]>,
     /// Of an input: the range the parameter is meant for. The module computes outside of it as well.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<[Number; 2]>,
+    /// Of a derivative: whether it is 0 at all points because no path leads from what it is differentiated by to the
+    /// result, or only constants lie on it. The module does no work for it.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub zero: bool,
+}
+
+fn is_default<T: Default + PartialEq>(x: &T) -> bool {
+    *x == T::default()
 }
 
 /// A number of a manifest. In JSON, which has no infinities, they are `"inf"` and `"-inf"`.

@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 
 use isograd_elaborate::elaborate;
-use isograd_graph::{Graph, NodeId, Watch};
+use isograd_graph::{Graph, NodeId, Precision, Watch};
 use isograd_program::Program;
 use isograd_program::typed::FunctionId;
 use isograd_syntax::{Code, Diagnostic, Diagnostics, Span};
-use isograd_transform::{Sweep, active_diffs, derive, differentiate};
+use isograd_transform::{Sweep, active_diffs, answer, differentiate};
 
 use crate::pipeline::{Checked, Options, Steps, reported};
 use crate::wanted::Wanting;
@@ -63,9 +63,11 @@ fn of_export(
     let limits = &options.limits;
     let nodes = usize::try_from(limits.derived_nodes).unwrap_or(usize::MAX);
     watch.step("differentiate");
-    let derived = derive(&elaborated.graph, &wanting.scalars, nodes, watch).map_err(|e| steps.exhausted(e));
-    let result = derived.and_then(|g| {
-        differentiate(g, Sweep::Forward, limits.diff_order, nodes, watch).map_err(|e| steps.underivable(e))
+    let derived =
+        answer(&elaborated.graph, &wanting.inputs(), &wanting.asked, nodes, watch).map_err(|e| steps.exhausted(e));
+    let result = derived.and_then(|derived| {
+        differentiate(derived.graph, Sweep::Forward, Precision::F32, limits.diff_order, nodes, watch)
+            .map_err(|e| steps.underivable(e))
     });
     found.extend(result.err().into_iter().flatten());
     found

@@ -7,24 +7,35 @@
 )]
 
 mod artefact;
+mod differentiability;
 mod explain;
 mod inspect;
+mod interface;
+mod kinks;
 mod loader;
 mod migrate;
 pub mod pipeline;
 mod request;
 mod rewrite;
 mod seal;
+mod strict;
 mod wanted;
+mod within;
 
-pub use artefact::{Artefact, Column, ColumnType, Derivatives, Manifest, Number, Port};
+pub use artefact::{Artefact, Column, ColumnType, Derivatives, Manifest, Number, Port, Specialised};
+pub use differentiability::{Differentiability, InvalidSensitivity, Sensitivity};
 pub use explain::explain;
 pub use inspect::inspect;
+pub use interface::{Argument, ArgumentColumn, Role, arguments};
 pub use isograd_graph::{Precision, Unwatched, Watch};
 pub use isograd_program::{Loader, ModulePath, ScalarKind, Type};
 pub use isograd_syntax::{Code, Diagnostic, Files, Limit, Limits, Severity, UnknownCode, render};
+pub use kinks::Kink;
 pub use loader::{MemoryLoader, WithStd, standard_library};
 pub use migrate::migrate;
 pub use pipeline::{Checked, Export, Options, Parameter, STEPS, check, compile, print_step};
-pub use request::{DerivativeMode, Query, Rate, Request, Target, UnknownQuery, Wrt};
+pub use request::{
+    DerivativeMode, FORMS, Query, QueryForm, Rate, Request, Target, Tolerance, UnknownQuery, Wrt, query_forms,
+};
 pub use rewrite::{Malformed, rewrite};
+pub use within::{InvalidWithin, Within};

@@ -4,29 +4,34 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use isograd_elaborate::{Elaborated, Metadata, elaborate, metadata};
-use isograd_graph::{Exhausted, Graph, Origin, Verified, Watch, verify};
+use isograd_graph::{Exhausted, Graph, Node, NodeId, Op, Origin, Precision, Verified, Watch, verify};
 use isograd_program::typed::{Function, FunctionId, Param};
 use isograd_program::{Loader, Program, Type};
 use isograd_syntax::tree::Tree;
-use isograd_syntax::{Code, Diagnostic, Diagnostics, FileId, Files, Limits};
+use isograd_syntax::{Code, Diagnostic, Diagnostics, FileId, Files, Limits, Span};
 use isograd_transform::{
-    DifferentiateError, Sweep, cost, derive, differentiate, fold, kernels, optimise, reverse_is_plausible, schedule,
+    Answering, DifferentiateError, Jump, KinkPlace, KinkReport, Smoothed, Suspect, Sweep, Width, answer, cost,
+    differentiate, fold, kept_jumps, kernels, optimise, reverse_is_plausible, schedule, smooth, specialise, suspects,
 };
 use isograd_wasm::{EmitError, Plan, Split};
 
 use crate::inspect::Influences;
-use crate::seal::{self, Identity};
+use crate::kinks;
+use crate::seal::{self, Found, Identity};
 use crate::wanted::Wanting;
-use crate::{Artefact, DerivativeMode, Derivatives, Request, WithStd};
+use crate::{Artefact, DerivativeMode, Derivatives, Differentiability, Request, Specialised, WithStd, strict, within};
 
 /// The steps of a compilation, in order. `--emit` and `--timings` name them.
 pub const STEPS: &[&str] = &[
     "load",          // files are read and parsed, from import to import
     "check",         // names and types: trees become a typed program
     "elaborate",     // csg trees, calls and vectors dissolve: the program becomes a graph
+    "smooth",        // in that mode, operations with kinks are replaced by smooth ones
+    "kinks",         // reports of kinks become results
     "derive",        // the queries become `diff` nodes
     "differentiate", // `diff` nodes become tangents
     "fold",          // constants are computed in f64 and rounded once
+    "specialise",    // what a box decides is dropped
     "kernels",       // transcendental functions become fragments of exact operations
     "optimise",      // rewrites that preserve bits
     "schedule",      // order of emission
@@ -255,23 +260,61 @@ fn run(
     let limits = &options.limits;
     let nodes = usize::try_from(limits.derived_nodes).unwrap_or(usize::MAX);
     let wanting = Wanting::of(program, request, limits).map_err(|d| vec![*d])?;
+    let width = request.width().map_err(|d| vec![*d])?;
+    let boxes = within::boxes(request, &wanting).map_err(|d| vec![*d])?;
 
     watch.step("elaborate");
     let Elaborated { graph, origins, carried, mut warnings, diffs } =
         elaborate(program, wanting.export, limits, watch)?;
-    let mut influences = Influences::default();
-    influences.add(&graph, &diffs, watch);
-    warnings.extend(influences.warnings(checked, &warnings));
     let steps = Steps { options, origins: &origins, carried: &carried, export: &request.export };
     let graph = steps.checked("elaborate", graph, observe)?;
 
+    watch.step("smooth");
+    let (graph, diffs) = smoothed(graph, diffs, width, &steps, watch)?;
+    let graph = steps.checked("smooth", graph, observe)?;
+    let mut influences = Influences::default();
+    influences.add(&graph, &diffs, watch);
+    warnings.extend(influences.warnings(checked, &warnings));
+
+    watch.step("kinks");
+    let (graph, kinks) = reported_kinks(graph, &wanting.reports, request.precision, &steps, watch)?;
+    let kinks = kinks::described(&kinks, &origins, &checked.files);
+    let graph = steps.checked("kinks", graph, observe)?;
+
     watch.step("derive");
-    let graph = derive(&graph, &wanting.scalars, nodes, watch).map_err(|e| steps.exhausted(e))?;
+    let Answering { graph, jumps } =
+        answer(&graph, &wanting.inputs(), &wanting.asked, nodes, watch).map_err(|e| steps.exhausted(e))?;
     let graph = steps.checked("derive", graph, observe)?;
+    if width.is_some() {
+        warnings.extend(steps.kept_jumps(&graph, watch));
+    }
+
+    let exports = checked.exports();
+    let parameters = exports.iter().find(|e| e.name == request.export).map_or(&[][..], |e| e.parameters.as_slice());
+    if request.differentiability == Differentiability::Strict {
+        steps.proved(&graph, &wanting, parameters, request.precision, watch)?;
+    }
 
     let precision = request.precision;
     let (graph, derivatives) = cheaper(graph, request, &steps, watch, observe)?;
     let graph = steps.checked("fold", graph, observe)?;
+    let zeros = zeros(&graph);
+
+    watch.step("specialise");
+    let (graph, specialised) = match &boxes {
+        Some(boxes) => {
+            let left = specialise(&graph, boxes, precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
+            // Counted after the same algebra, so that the difference is what the box decides.
+            let count = |graph: &Graph| {
+                let graph = optimise(graph, precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
+                Ok::<_, Vec<Diagnostic>>(u32::try_from(graph.operations()).unwrap_or(u32::MAX))
+            };
+            let specialised = Specialised { from: count(&graph)?, to: count(&left)? };
+            (left, Some(specialised))
+        }
+        None => (graph, None),
+    };
+    let graph = steps.checked("specialise", graph, observe)?;
 
     watch.step("kernels");
     let graph = kernels(&graph, precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
@@ -293,14 +336,63 @@ fn run(
 
     watch.step("seal");
     let identity = Identity::of(&checked.digest, request, &wanting);
-    let exports = checked.exports();
-    let parameters = exports.iter().find(|e| e.name == request.export).map_or(&[][..], |e| e.parameters.as_slice());
-    let manifest =
-        seal::manifest(&identity, request, &wanting, parameters, &written.layout, written.facts, derivatives);
+    let found = Found { derivatives, zeros: &zeros, jumps: &jumps, kinks: &kinks, specialised };
+    let manifest = seal::manifest(&identity, request, &wanting, parameters, &written.layout, written.facts, found);
     let bytes = written.seal(&serde_json::to_vec(&manifest).unwrap_or_default()).bytes;
     observe("emit", Stage::Module(&bytes));
     observe("seal", Stage::Module(&bytes));
     Ok(Artefact { bytes, manifest, warnings })
+}
+
+/// Adds the outputs of each report to the results of an export. Kinks are those of its values, so derivatives and
+/// enclosures inside the program are expanded first.
+fn reported_kinks(
+    mut graph: Graph,
+    reports: &[KinkReport],
+    precision: Precision,
+    steps: &Steps<'_>,
+    watch: &dyn Watch,
+) -> Result<(Graph, Vec<Vec<KinkPlace>>), Vec<Diagnostic>> {
+    let limits = &steps.options.limits;
+    let nodes = usize::try_from(limits.derived_nodes).unwrap_or(usize::MAX);
+    let results = graph.outputs.len();
+    if !reports.is_empty() {
+        graph = differentiate(graph, Sweep::Forward, precision, limits.diff_order, nodes, watch)
+            .map_err(|e| steps.underivable(e))?;
+    }
+    let mut found = Vec::new();
+    for report in reports {
+        let places;
+        (graph, places) =
+            isograd_transform::kinks(&graph, results, report, nodes, watch).map_err(|e| steps.exhausted(e))?;
+        found.push(places);
+    }
+    Ok((graph, found))
+}
+
+/// Per output of a folded graph: whether it is 0, before any algebra on values.
+fn zeros(graph: &Graph) -> Vec<bool> {
+    let is_zero = |node: Option<Node>| matches!(node, Some(Node::Real(bits)) if f64::from_bits(bits) == 0.0);
+    graph.outputs.iter().map(|output| is_zero(graph.get(output.node))).collect()
+}
+
+/// The derivatives that each `diff` of the program asks for.
+type Diffs = Vec<(Span, Vec<NodeId>)>;
+
+/// The graph and its `diff`s with smooth operations of this width, or as they are.
+fn smoothed(
+    graph: Graph,
+    diffs: Diffs,
+    width: Option<Width>,
+    steps: &Steps<'_>,
+    watch: &dyn Watch,
+) -> Result<(Graph, Diffs), Vec<Diagnostic>> {
+    let Some(width) = width else { return Ok((graph, diffs)) };
+    let nodes = usize::try_from(steps.options.limits.derived_nodes).unwrap_or(usize::MAX);
+    let Smoothed { graph, places } = smooth(&graph, width, nodes, watch).map_err(|e| steps.exhausted(e))?;
+    let place = |id: &NodeId| places.get(id.index()).copied();
+    let diffs = diffs.into_iter().map(|(span, nodes)| (span, nodes.iter().filter_map(place).collect()));
+    Ok((graph, diffs.collect()))
 }
 
 /// The steps `differentiate` and `fold`, in the direction that the request names, or in both, of which one is kept: the
@@ -332,7 +424,7 @@ fn cheaper(
     };
     let mut derived = Vec::new();
     for sweep in sweeps {
-        let result = differentiate(graph.clone(), *sweep, limits.diff_order, nodes, watch);
+        let result = differentiate(graph.clone(), *sweep, request.precision, limits.diff_order, nodes, watch);
         derived.extend(keep(result.map_err(|e| steps.underivable(e))).map(|graph| (*sweep, graph)));
     }
     watch.step("fold");
@@ -345,7 +437,7 @@ fn cheaper(
         let (mode, place, weight) = match sweep {
             Sweep::Forward => (DerivativeMode::Forward, &mut derivatives.forward, cost),
             // All values wait in registers or memory until the walk comes back to them.
-            Sweep::Reverse => (DerivativeMode::Reverse, &mut derivatives.reverse, cost.saturating_add(cost / 4)),
+            Sweep::Reverse => (DerivativeMode::Reverse, &mut derivatives.reverse, cost.saturating_add(cost / 10)),
         };
         *place = Some(cost);
         if best.as_ref().is_none_or(|(least, ..)| weight < *least) {
@@ -361,6 +453,11 @@ fn cheaper(
         (None, why) => Err(why.unwrap_or_default()),
     }
 }
+
+/// Nodes that a proof of differentiability computes at most, loops counted as often as they run.
+const PROOF_STEPS: u64 = 2_000_000;
+
+const NESTING: &str = "this `bound` would be nested in itself as often as the loop iterates";
 
 const GROWING: &str = "the order of this derivative would grow with the number of iterations";
 
@@ -405,14 +502,65 @@ impl Steps<'_> {
         }]
     }
 
+    fn span(&self, origin: Origin) -> Option<isograd_syntax::Span> {
+        self.origins.get(origin.0 as usize).copied()
+    }
+
+    fn placed(&self, code: Code, origin: Origin, message: &str) -> Diagnostic {
+        match self.span(origin) {
+            Some(span) => Diagnostic::new(code, span, message),
+            None => Diagnostic::global(code, message),
+        }
+    }
+
+    /// W0702 for the jumps that a smooth graph keeps on the way of a derivative.
+    fn kept_jumps(&self, graph: &Graph, watch: &dyn Watch) -> Vec<Diagnostic> {
+        let warning = |jump: Jump| {
+            let what = match jump.op {
+                Op::RealToInt => "the cast to int".to_owned(),
+                op => format!("`{}`", kinks::spelled(op)),
+            };
+            let message = format!("{what} keeps its jumps in the mode `smooth`");
+            let diagnostic = match self.origins.get(jump.origin.0 as usize) {
+                Some(span) => Diagnostic::new(Code::W0702, *span, message).here("on the way of a derivative"),
+                None => Diagnostic::global(Code::W0702, message),
+            };
+            diagnostic
+                .note("the derivative is that between the jumps; only kinks, comparisons and branches become smooth")
+                .help(
+                    "differentiate nothing past a rounding, or make the steps with `step` or `if`, which become smooth",
+                )
+        };
+        kept_jumps(graph, watch).into_iter().map(warning).collect()
+    }
+
+    /// E0703 and E0704, if something is not proved to be differentiable (LANGUAGE 14.2).
+    fn proved(
+        &self,
+        graph: &Graph,
+        wanting: &Wanting,
+        parameters: &[Parameter],
+        precision: Precision,
+        watch: &dyn Watch,
+    ) -> Result<(), Vec<Diagnostic>> {
+        let names: Vec<String> = wanting.parameters.iter().map(|(name, ..)| name.clone()).collect();
+        let ranges = strict::ranges(&wanting.arguments, parameters, &names);
+        let Some(suspects) = suspects(graph, &ranges, precision, PROOF_STEPS, watch) else {
+            return Err(self.exhausted(Exhausted::Time));
+        };
+        let columns: Vec<String> = wanting.inputs().into_iter().map(|(name, _)| name).collect();
+        let place = |code, suspect: &Suspect, message: &str| self.placed(code, suspect.origin, message);
+        let mut found = Diagnostics::default();
+        found.extend(strict::diagnostics(&suspects, parameters, &columns, precision, place));
+        if found.has_errors() { Err(reported(found, &self.options.limits)) } else { Ok(()) }
+    }
+
     pub(crate) fn underivable(&self, why: DifferentiateError) -> Vec<Diagnostic> {
         let (origin, code, message, help) = match why {
             DifferentiateError::Exhausted(why) => return self.exhausted(why),
             DifferentiateError::Growing { diff, carried } => {
-                let place = |span| Diagnostic::new(Code::E0705, span, GROWING);
-                let at = |origin: Origin| self.origins.get(origin.0 as usize).copied();
-                let mut diagnostic = at(diff).map_or_else(|| Diagnostic::global(Code::E0705, GROWING), place);
-                if let Some((name, span)) = carried.and_then(|c| self.carried.get(&c).zip(at(c))) {
+                let mut diagnostic = self.placed(Code::E0705, diff, GROWING);
+                if let Some((name, span)) = carried.and_then(|c| self.carried.get(&c).zip(self.span(c))) {
                     diagnostic = diagnostic
                         .here(format!("depends on its own result, through `{name}`"))
                         .label(span, format!("`{name}` is carried from one iteration to the next"));
@@ -422,6 +570,31 @@ impl Steps<'_> {
                         .help("differentiate after the loop, or by a value that is computed in the same iteration"),
                 ];
             }
+            DifferentiateError::Nesting { bound, carried } => {
+                let mut diagnostic = self.placed(Code::E0705, bound, NESTING);
+                if let Some((name, span)) = carried.and_then(|c| self.carried.get(&c).zip(self.span(c))) {
+                    diagnostic = diagnostic
+                        .here(format!("depends on its own result, through `{name}`"))
+                        .label(span, format!("`{name}` is carried from one iteration to the next"));
+                }
+                return vec![
+                    diagnostic.help("enclose after the loop, or over a value that is computed in the same iteration"),
+                ];
+            }
+            DifferentiateError::LoopBound { call, bound } => {
+                let mut diagnostic = self
+                    .placed(Code::E0805, call, "the number of iterations of a loop depends on what `bound` replaces")
+                    .here("encloses a value that the loop computes");
+                if let Some(span) = self.span(bound) {
+                    diagnostic =
+                        diagnostic.label(span, "this bound of the loop depends on the second argument of `bound`");
+                }
+                return vec![
+                    diagnostic
+                        .note("over an interval the loop would run no definite number of times")
+                        .help("let the loop run as often as may be needed, and decide in its body by `if` what counts"),
+                ];
+            }
             DifferentiateError::Order(origin) => (
                 origin,
                 Code::E1009,
@@ -429,11 +602,7 @@ impl Steps<'_> {
                 "lower the order, or raise the limit `diff_order`",
             ),
         };
-        let diagnostic = match self.origins.get(origin.0 as usize) {
-            Some(span) => Diagnostic::new(code, *span, message),
-            None => Diagnostic::global(code, message),
-        };
-        vec![diagnostic.help(help)]
+        vec![self.placed(code, origin, &message).help(help)]
     }
 }
 

@@ -1,13 +1,16 @@
 //! The last step: the artefact's id and manifest.
 
+use std::collections::BTreeMap;
+
 use isograd_graph::Scalar;
 use isograd_syntax::Files;
 use isograd_wasm::{Facts, Layout};
 use serde::Serialize;
 
-use crate::wanted::Wanting;
+use crate::wanted::{Answer, Wanting};
 use crate::{
-    Column, ColumnType, DerivativeMode, Derivatives, Manifest, Number, Parameter, Port, Rate, Request, Target,
+    Argument, Column, ColumnType, DerivativeMode, Derivatives, Differentiability, Kink, Manifest, Number, Parameter,
+    Port, Rate, Request, Role, Specialised, Target, within,
 };
 
 /// The canonical form of a request: everything that can change a byte of the artefact. Its id is the BLAKE3 of its
@@ -22,6 +25,10 @@ pub struct Identity {
     rates: Vec<(String, Rate)>,
     target: Target,
     mode: DerivativeMode,
+    differentiability: Differentiability,
+    sensitivity: Option<Number>,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    within: BTreeMap<String, Vec<[Number; 2]>>,
 }
 
 impl Identity {
@@ -37,6 +44,9 @@ impl Identity {
             rates: wanting.parameters.iter().map(|(name, _, rate)| (name.clone(), *rate)).collect(),
             target: request.target,
             mode: request.mode,
+            differentiability: request.differentiability,
+            sensitivity: sensitivity(request),
+            within: request.within.clone(),
         }
     }
 
@@ -58,6 +68,21 @@ pub fn digest(files: &Files) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
+/// What the transforms found of the outputs.
+#[derive(Debug, Clone, Copy)]
+pub struct Found<'a> {
+    /// How derivatives are computed.
+    pub derivatives: Derivatives,
+    /// Per output: whether it is structurally 0.
+    pub zeros: &'a [bool],
+    /// Per thing that is asked for: whether it may jump where that matters.
+    pub jumps: &'a [bool],
+    /// Per report of kinks: what it numbers.
+    pub kinks: &'a [Vec<Kink>],
+    /// What specialisation left.
+    pub specialised: Option<Specialised>,
+}
+
 /// The manifest of a module.
 pub fn manifest(
     identity: &Identity,
@@ -66,31 +91,38 @@ pub fn manifest(
     parameters: &[Parameter],
     layout: &Layout,
     facts: Facts,
-    derivatives: Derivatives,
+    found: Found<'_>,
 ) -> Manifest {
     let mut slots = layout.inputs.iter();
-    let inputs = wanting
-        .parameters
-        .iter()
-        .map(|(name, ty, rate)| {
-            let mut columns: Vec<Column> = ty.columns(name).into_iter().zip(slots.by_ref()).map(column).collect();
-            if let Some(parameter) = parameters.iter().find(|p| p.name == *name) {
-                describe(&mut columns, parameter);
-            }
-            Port { name: name.clone(), ty: ty.to_string(), rate: *rate, columns }
-        })
-        .collect();
+    let input = |argument: &Argument| {
+        let names = argument.columns.iter().map(|c| c.name.clone());
+        let mut columns: Vec<Column> = names.zip(slots.by_ref()).map(column).collect();
+        let (parameter, _, rate) = wanting.parameters.get(argument.parameter)?;
+        if let Some(parameter) = parameters.iter().find(|p| p.name == *parameter) {
+            describe(&mut columns, argument, parameter, request);
+        }
+        let (name, ty) = (argument.name.clone(), argument.ty.to_string());
+        Some(Port { name, ty, rate: *rate, role: argument.role, jumps: Vec::new(), kinks: Vec::new(), columns })
+    };
+    let inputs = wanting.arguments.iter().filter_map(input).collect();
     let mut slots = layout.outputs.iter();
-    let outputs = wanting
-        .queries
-        .iter()
-        .map(|query| Port {
+    let mut zeros = found.zeros.iter();
+    let mut jumps = found.jumps.iter();
+    let output = |query: &Answer| {
+        let mut columns: Vec<Column> = query.columns.iter().cloned().zip(slots.by_ref()).map(column).collect();
+        columns.iter_mut().zip(zeros.by_ref()).for_each(|(column, zero)| column.zero = *zero && query.sparse);
+        let jumping = query.about.iter().zip(jumps.by_ref()).filter(|(_, jumps)| **jumps);
+        Port {
             name: query.name.clone(),
             ty: query.ty.clone(),
             rate: Rate::Varying,
-            columns: query.columns.iter().cloned().zip(slots.by_ref()).map(column).collect(),
-        })
-        .collect();
+            role: Role::Point,
+            jumps: jumping.map(|(about, _)| about.clone()).collect(),
+            kinks: query.report.and_then(|report| found.kinks.get(report)).cloned().unwrap_or_default(),
+            columns,
+        }
+    };
+    let outputs = wanting.queries.iter().map(output).collect();
     Manifest {
         compiler: identity.compiler.to_owned(),
         id: identity.id(),
@@ -101,16 +133,29 @@ pub fn manifest(
         block: layout.block,
         pad: layout.pad,
         memory: layout.memory,
+        scratch: layout.scratch,
         operations: u32::try_from(facts.operations).unwrap_or(u32::MAX),
         unbounded: facts.long_loop,
-        derivatives,
+        derivatives: found.derivatives,
+        specialised: found.specialised,
+        differentiability: request.differentiability,
+        sensitivity: sensitivity(request),
     }
 }
 
-/// Gives the columns of a parameter its metadata.
-fn describe(columns: &mut [Column], parameter: &Parameter) {
-    for (i, column) in columns.iter_mut().enumerate() {
-        let at = |numbers: &Vec<f64>| numbers.get(i).copied().map(Number);
+/// What counts of a request's sensitivity: a default that is spelled out changes nothing.
+fn sensitivity(request: &Request) -> Option<Number> {
+    request.effective_sensitivity().map(|s| Number(s.get()))
+}
+
+/// Gives the columns of a parameter its metadata; a direction has none.
+fn describe(columns: &mut [Column], argument: &Argument, parameter: &Parameter, request: &Request) {
+    if argument.role == Role::Direction {
+        return;
+    }
+    for (column, of) in columns.iter_mut().zip(&argument.columns) {
+        let at = |numbers: &Vec<f64>| numbers.get(of.scalar).copied().map(Number);
+        column.within = within::of_column(request, &parameter.name, of.scalar);
         column.default = parameter.default.as_ref().and_then(at);
         column.range = parameter.range.as_ref().and_then(|(lo, hi)| Some([at(lo)?, at(hi)?]));
     }
@@ -122,5 +167,5 @@ fn column((name, slot): (String, &isograd_wasm::Slot)) -> Column {
         Scalar::Int => ColumnType::Int,
         Scalar::Bool => ColumnType::Bool,
     };
-    Column { name, scalar, offset: slot.offset, default: None, range: None }
+    Column { name, scalar, offset: slot.offset, default: None, within: None, range: None, zero: false }
 }

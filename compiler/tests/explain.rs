@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use isograd_compiler::{
-    Checked, Code, Diagnostic, Limits, Loader, MemoryLoader, ModulePath, Options, Precision, Query, Request, Watch,
-    check, compile, explain, render,
+    Checked, Code, Diagnostic, Differentiability, Limits, Loader, MemoryLoader, ModulePath, Options, Precision, Query,
+    Request, Watch, check, compile, explain, render,
 };
 
 /// Codes that no program is known to raise, with the reason.
@@ -85,6 +85,7 @@ struct Example {
     limits: Limits,
     queries: Vec<Query>,
     precision: Precision,
+    differentiability: Differentiability,
 }
 
 const ENTRY: &str = "main.vola";
@@ -117,6 +118,10 @@ impl Example {
                         _ => panic!("precision `{value}`"),
                     }
                 }
+                "differentiability" => {
+                    let named = Differentiability::ALL.into_iter().find(|d| d.name() == value);
+                    this.differentiability = named.unwrap_or_else(|| panic!("differentiability `{value}`"));
+                }
                 "byte" => {
                     let digits = value.strip_prefix("0x").expect("0xFF");
                     last.push(u8::from_str_radix(digits, 16).expect("a byte"));
@@ -139,7 +144,13 @@ impl Example {
         let mut found = checked.diagnostics.clone();
         for export in checked.exports() {
             let queries = if self.queries.is_empty() { vec![Query::Value] } else { self.queries.clone() };
-            let request = Request { export: export.name, queries, precision: self.precision, ..Request::default() };
+            let request = Request {
+                export: export.name,
+                queries,
+                precision: self.precision,
+                differentiability: self.differentiability,
+                ..Request::default()
+            };
             let more = compile(&checked, &request, &options, self).map_or_else(|errors| errors, |a| a.warnings);
             found.extend(more);
         }

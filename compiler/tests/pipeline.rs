@@ -1,8 +1,8 @@
 //! The pipeline from source to module: its steps, its ids, and what it says of bad requests.
 
 use isograd_compiler::{
-    Checked, Code, DerivativeMode, Derivatives, MemoryLoader, Options, Query, Rate, Request, STEPS, Unwatched, Watch,
-    check, compile, print_step,
+    Checked, Code, DerivativeMode, Derivatives, Differentiability, MemoryLoader, Options, Query, Rate, Request, STEPS,
+    Sensitivity, Unwatched, Watch, check, compile, print_step,
 };
 use std::cell::RefCell;
 
@@ -106,6 +106,11 @@ fn every_field_of_a_request_changes_its_id() {
     ids.push(id(&program, &Request { rates: [("radius".into(), Rate::Varying)].into(), ..plain.clone() }));
     ids.push(id(&program, &Request { mode: DerivativeMode::Forward, ..plain.clone() }));
     ids.push(id(&program, &Request { mode: DerivativeMode::Reverse, ..plain.clone() }));
+    let smooth = Request { differentiability: Differentiability::Smooth, ..plain.clone() };
+    let with = |s: f64| Request { sensitivity: Some(Sensitivity::new(s).unwrap()), ..smooth.clone() };
+    ids.push(id(&program, &smooth));
+    assert_eq!(ids.last(), Some(&id(&program, &with(1.0))), "a default that is spelled out changes nothing");
+    ids.push(id(&program, &with(0.5)));
     ids.push(id(&checked(&SPHERE.replace("ball.", " ball.")), &plain));
     let count = ids.len();
     ids.sort();
@@ -164,6 +169,76 @@ fn bad_requests_say_what_exists() {
     assert!(refuse(request(&[])).contains("no query"));
     assert!(refuse(Request { rates: [("r".into(), Rate::Varying)].into(), ..request(&["value"]) }).contains("`at`"));
     assert!("gradient".parse::<Query>().is_err());
+    let sensitivity = |s: f64| Some(Sensitivity::new(s).unwrap());
+    assert!(refuse(Request { sensitivity: sensitivity(2.0), ..request(&["value"]) }).contains("`exact`"));
+    let smooth = |s: f64| {
+        let differentiability = Differentiability::Smooth;
+        Request { differentiability, sensitivity: sensitivity(s), ..request(&["value"]) }
+    };
+    assert!(refuse(smooth(1e-40)).contains("f32"));
+    for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(Sensitivity::new(wrong).is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn the_manifest_says_how_smooth_it_is() {
+    let program = checked(SPHERE);
+    let manifest = |request: Request| {
+        let json = serde_json::to_value(compile(&program, &request, &options(), &Unwatched).unwrap().manifest).unwrap();
+        (json["differentiability"].clone(), json["sensitivity"].clone())
+    };
+    assert_eq!(manifest(request(&["value"])), ("exact".into(), serde_json::Value::Null));
+    let smooth = Request { differentiability: Differentiability::Smooth, ..request(&["value"]) };
+    assert_eq!(manifest(smooth.clone()), ("smooth".into(), 1.0.into()));
+    let sensitivity = Some(Sensitivity::new(0.25).unwrap());
+    assert_eq!(manifest(Request { sensitivity, ..smooth }), ("smooth".into(), 0.25.into()));
+}
+
+/// The warnings of an export `f` in a mode.
+fn warnings(source: &str, queries: &[&str], differentiability: Differentiability) -> Vec<String> {
+    let program = checked(source);
+    let request = Request { export: "f".into(), differentiability, ..request(queries) };
+    let found = compile(&program, &request, &options(), &Unwatched).unwrap().warnings;
+    found.iter().map(|d| format!("{} {}", d.code.name(), d.message)).collect()
+}
+
+#[test]
+fn jumps_that_smooth_keeps_are_told() {
+    use Differentiability::{Exact, Smooth};
+    let told = |body: &str, queries: &[&str], mode| {
+        warnings(&format!("export fn f(x: real) -> real {{ {body} }}"), queries, mode)
+    };
+    let gradient = ["gradient(x)"];
+    for (body, name) in [
+        ("x * floor(x)", "`floor`"),
+        ("x + ceil(x * 2.0)", "`ceil`"),
+        ("x * round(x)", "`round`"),
+        ("x * trunc(x)", "`trunc`"),
+        ("x * x::<int>::<real>", "cast to int"),
+    ] {
+        let found = told(body, &gradient, Smooth);
+        assert!(found.len() == 1 && found[0].starts_with("W0702") && found[0].contains(name), "{body}: {found:?}");
+        assert_eq!(told(body, &gradient, Exact), [""; 0], "{body}");
+        assert_eq!(told(body, &["value"], Smooth), [""; 0], "{body}");
+    }
+    for body in ["fract(x) * x", "mod(x, 2.0) * x", "(x % 2.0) * x"] {
+        assert_eq!(told(body, &gradient, Smooth).len(), 1, "{body}");
+    }
+    // A `diff` of the program counts as a query does, if anything comes of it.
+    assert_eq!(told("diff(x * floor(x), x)", &["value"], Smooth).len(), 1);
+    assert_eq!(told("let d = diff(x * floor(x), x); x", &["value"], Smooth), [""; 0]);
+    // Not on the way, and nothing that becomes smooth.
+    assert_eq!(told("let y = x * x; diff(y, x) + floor(x)", &["value"], Smooth), [""; 0]);
+    let smooth = "clamp(x, 0.0, 1.0) + saturate(x) + abs(x) * sign(x) + step(0.5, x) + if x < 2.0 { x } else { 1.0 }";
+    assert_eq!(told(smooth, &gradient, Smooth), [""; 0]);
+}
+
+#[test]
+fn a_condition_has_a_derivative_in_smooth_only() {
+    let source = "export fn f(x: real) -> real { let y = if x < 0.0 { 0.0 } else { 1.0 }; diff(y, x) }";
+    assert_eq!(warnings(source, &["value"], Differentiability::Exact), ["W0701 this derivative is always 0"]);
+    assert_eq!(warnings(source, &["value"], Differentiability::Smooth), [""; 0]);
 }
 
 #[test]

@@ -86,11 +86,14 @@ codes! {
     E0611 "impl of the wrong form";
     E0701 "diff of something not differentiable";
     E0702 "diff with respect to something that is no variable";
+    E0703 "operation with a kink on the way of a derivative, in the mode strict";
+    E0704 "branch on the way of a derivative, in the mode strict";
     E0705 "diff in a loop whose order would grow";
     E0801 "bound of something that has no enclosure";
     E0802 "variable and interval of bound do not fit";
     E0803 "third argument of bound is no interval";
     E0804 "operation that intervals do not have";
+    E0805 "loop bound depends on what bound replaces";
     E0901 "csg in the signature of an export";
     E0902 "default or range that is not constant";
     E0903 "range reversed or default outside it";
@@ -107,7 +110,6 @@ codes! {
     E1010 "too many parameters or results";
     E1011 "compilation took too long";
     E1012 "too many diagnostics";
-    E1101 "not yet supported";
     E1102 "bad request";
     E1103 "error of the compiler";
     W0301 "declaration hides one of a library";
@@ -121,6 +123,7 @@ codes! {
     W0602 "csg loop unrolled many times";
     W0603 "outdated form";
     W0701 "derivative is always 0";
+    W0702 "jump that the mode smooth keeps";
     W0801 "constant interval with start > end";
     W0901 "unknown attribute";
 }
