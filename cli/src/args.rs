@@ -1,12 +1,17 @@
 //! The command line: every command and flag, declared once. Knows what may be written, not what it does.
 
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use isograd_compiler::{DerivativeMode, Precision, Query, STEPS};
+use isograd_compiler::{
+    DerivativeMode, Differentiability, InvalidWithin, Number, Precision, Query, STEPS, Sensitivity, Within, query_forms,
+};
 use isograd_server::Config;
+
+use crate::Failure;
 
 /// Compiles distance fields written in Vola and evaluates them with their derivatives.
 ///
@@ -32,7 +37,8 @@ pub enum Command {
     #[command(after_help = "\
 Examples:
   isograd eval ball.vola --args 1,2,3 --query value --query 'gradient(at)'
-  isograd eval ball.vola --points points.csv --set radius=0.5 --format csv")]
+  isograd eval ball.vola --points points.csv --set radius=0.5 --format csv
+  isograd eval ball.vola --set at=0,1,0,1,0,1 --set radius=0.5 --query 'bound(at)' --query 'lipschitz(at)'")]
     Eval(Eval),
     /// Format files in place: spaces, indentation, line ends; line breaks stay.
     Fmt(Fmt),
@@ -105,9 +111,7 @@ pub struct Compile {
     /// Compile this export only; without it, every export.
     #[arg(long, value_name = "NAME")]
     pub export: Option<String>,
-    /// What to compute: `value` (the default), `gradient(PARAMETER)`, `jacobian(PARAMETER)`, `hessian(PARAMETER)` or
-    /// `hessian(PARAMETER, PARAMETER)`; `*` stands for all parameters. May be repeated.
-    #[arg(long = "query", value_name = "QUERY", value_parser = query)]
+    #[arg(long = "query", value_name = "QUERY", value_parser = query, help = query_help())]
     pub queries: Vec<Query>,
     /// What to compile to.
     #[arg(long, value_enum, default_value_t = TargetName::Wasm)]
@@ -118,6 +122,10 @@ pub struct Compile {
     /// Which way derivatives are computed; the results differ by rounding only.
     #[arg(long, value_enum, default_value_t = ModeName::Auto)]
     pub mode: ModeName,
+    #[command(flatten)]
+    pub smoothing: Smoothing,
+    #[command(flatten)]
+    pub specialising: Specialising,
     /// Print what a step of the compiler leaves instead of writing a module. `tree` is parse, `program` is check,
     /// `graph` is optimise, `wat` is emit.
     #[arg(long, value_name = "STEP", value_parser = PossibleValuesParser::new(emittable()))]
@@ -143,19 +151,19 @@ pub struct Eval {
     /// The export to evaluate; may be left out if there is one.
     #[arg(long, value_name = "NAME")]
     pub export: Option<String>,
-    /// One point: all parameters flattened, `x,y,z,…`; the last ones may be left out if they have defaults. May be
-    /// repeated.
+    /// One point: all parameters flattened, `x,y,z,…`, of a box start and end of each real; the last ones may be left
+    /// out if they have defaults. May be repeated.
     #[arg(long, value_name = "A,B,…", allow_hyphen_values = true, conflicts_with_all = ["points", "set"])]
     pub args: Vec<String>,
-    /// Points as CSV, `-` for the standard input. The header names scalars of parameters: `at.x,at.y,at.z`.
+    /// Points as CSV, `-` for the standard input. The header names scalars of parameters: `at.x,at.y,at.z`; of a box
+    /// their ends: `at.x.start,at.x.end`; of a direction `at.x.direction`.
     #[arg(long, value_name = "FILE")]
     pub points: Option<PathBuf>,
-    /// The value of a parameter that is the same at all points. May be repeated.
+    /// The value of a parameter that is the same at all points; of a box start and end of each real; of a direction
+    /// `NAME.direction=A,B,…`. May be repeated.
     #[arg(long, value_name = "NAME=A,B,…", value_parser = assignment)]
     pub set: Vec<(String, String)>,
-    /// What to compute: `value` (the default), `gradient(PARAMETER)`, `jacobian(PARAMETER)`, `hessian(PARAMETER)` or
-    /// `hessian(PARAMETER, PARAMETER)`; `*` stands for all parameters. May be repeated.
-    #[arg(long = "query", value_name = "QUERY", value_parser = query)]
+    #[arg(long = "query", value_name = "QUERY", value_parser = query, help = query_help())]
     pub queries: Vec<Query>,
     /// The precision of `real`.
     #[arg(long, value_enum, default_value_t = PrecisionName::F32)]
@@ -163,6 +171,10 @@ pub struct Eval {
     /// Which way derivatives are computed; the results differ by rounding only.
     #[arg(long, value_enum, default_value_t = ModeName::Auto)]
     pub mode: ModeName,
+    #[command(flatten)]
+    pub smoothing: Smoothing,
+    #[command(flatten)]
+    pub specialising: Specialising,
     /// How to write the results.
     #[arg(long, value_enum, default_value_t = Format::Table)]
     pub format: Format,
@@ -289,6 +301,61 @@ impl From<ModeName> for DerivativeMode {
     }
 }
 
+/// What becomes of kinks.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct Smoothing {
+    /// What becomes of operations that have no derivative somewhere.
+    #[arg(long, value_enum, default_value_t = DifferentiabilityName::Exact)]
+    pub differentiability: DifferentiabilityName,
+    /// With `--differentiability smooth`, how smooth: kinks get the width 0.001 times this, in the units of the
+    /// operands. [default: 1]
+    #[arg(long, value_name = "NUMBER", value_parser = sensitivity)]
+    pub sensitivity: Option<Sensitivity>,
+}
+
+/// The box that a module is specialised to.
+#[derive(Debug, Clone, Args)]
+pub struct Specialising {
+    /// Specialise to a box, in which the parameter's scalars keep between these ends: what the box decides is dropped.
+    /// Inside, results are the same bits. May be repeated, for different parameters.
+    #[arg(long, value_name = "NAME=[LO,…]:[HI,…]", value_parser = within, allow_hyphen_values = true)]
+    pub within: Vec<Within>,
+}
+
+impl Specialising {
+    /// By parameter.
+    pub fn boxes(&self) -> Result<BTreeMap<String, Vec<[Number; 2]>>, Failure> {
+        let mut boxes = BTreeMap::new();
+        for within in &self.within {
+            if boxes.insert(within.parameter.clone(), within.ends.clone()).is_some() {
+                return Err(Failure::Usage(format!("`--within` names `{}` twice", within.parameter)));
+            }
+        }
+        Ok(boxes)
+    }
+}
+
+/// What becomes of operations that have no derivative somewhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum DifferentiabilityName {
+    /// Values are exact, derivatives at kinks follow conventions.
+    Exact,
+    /// As `exact`, but a kink that a derivative may meet is an error.
+    Strict,
+    /// Kinks and jumps become smooth, values included.
+    Smooth,
+}
+
+impl From<DifferentiabilityName> for Differentiability {
+    fn from(name: DifferentiabilityName) -> Self {
+        match name {
+            DifferentiabilityName::Exact => Self::Exact,
+            DifferentiabilityName::Strict => Self::Strict,
+            DifferentiabilityName::Smooth => Self::Smooth,
+        }
+    }
+}
+
 /// What can be compiled to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum TargetName {
@@ -309,8 +376,24 @@ pub fn step(name: &str) -> &str {
     ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |(_, step)| step)
 }
 
+fn query_help() -> String {
+    format!(
+        "What to compute, by default `value`: {}; `*` stands for all parameters. May be repeated. `isograd describe` \
+         says what each gives",
+        query_forms()
+    )
+}
+
 fn query(text: &str) -> Result<Query, String> {
     text.parse::<Query>().map_err(|e| e.to_string())
+}
+
+fn within(text: &str) -> Result<Within, String> {
+    text.parse().map_err(|e: InvalidWithin| e.to_string())
+}
+
+fn sensitivity(text: &str) -> Result<Sensitivity, String> {
+    text.parse::<Sensitivity>().map_err(|e| e.to_string())
 }
 
 fn library(text: &str) -> Result<(String, PathBuf), String> {

@@ -1,11 +1,13 @@
 //! `isograd compile`: modules to files, or the output of a step as text. Knows where to write, not what.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::io::{Write, stdout};
 use std::path::{Path, PathBuf};
 
 use isograd_compiler::{
-    Checked, DerivativeMode, Derivatives, Export, Options, Query, Request, Target, compile, print_step,
+    Checked, DerivativeMode, Derivatives, Export, Options, Port, Query, Request, Specialised, Target, compile,
+    print_step,
 };
 use isograd_server::{Stopwatch, select};
 
@@ -66,6 +68,9 @@ fn write(args: &Compile, options: &Options, watch: &Stopwatch, ways: &mut Ways) 
             precision: args.precision.into(),
             target,
             mode: args.mode.into(),
+            differentiability: args.smoothing.differentiability.into(),
+            sensitivity: args.smoothing.sensitivity,
+            within: args.specialising.boxes()?,
             ..Request::default()
         });
     }
@@ -157,12 +162,41 @@ fn modules(
         put(&path, &artefact.bytes)?;
         let (bytes, operations) = (artefact.bytes.len(), artefact.manifest.operations);
         report::say(&format!("{}: {operations} operations, {bytes} bytes\n", path.display()));
+        if let Some(Specialised { from, to }) = artefact.manifest.specialised {
+            report::say(&format!("  specialised: {to} of {from} operations, counted before kernels\n"));
+        }
+        for port in &artefact.manifest.outputs {
+            report::say(&known(port));
+        }
     }
     if failed { Err(Failure::Reported) } else { Ok(()) }
 }
 
 fn put(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     fs::write(path, bytes).map_err(|error| Failure::Wrong(format!("cannot write `{}`: {error}", path.display())))
+}
+
+/// What is known of a query without computing it: which derivatives are 0 everywhere, what may jump. A line each.
+fn known(port: &Port) -> String {
+    let zeros: Vec<&str> = port.columns.iter().filter(|c| c.zero).map(|c| c.name.as_str()).collect();
+    let mut text = String::new();
+    if !zeros.is_empty() {
+        let (n, of) = (zeros.len(), port.columns.len());
+        let _ = writeln!(text, "  {}: {n} of {of} are always 0: {}", port.name, some(&zeros));
+    }
+    if !port.jumps.is_empty() {
+        let jumps: Vec<&str> = port.jumps.iter().map(String::as_str).collect();
+        let so = if port.name.starts_with("bound") { "the natural enclosure" } else { "between jumps only" };
+        let _ = writeln!(text, "  {}: may jump, {so}: {}", port.name, some(&jumps));
+    }
+    text
+}
+
+/// The first names of a list.
+fn some(names: &[&str]) -> String {
+    const SHOWN: usize = 12;
+    let more = if names.len() > SHOWN { ", …" } else { "" };
+    format!("{}{more}", names.get(..SHOWN).unwrap_or(names).join(", "))
 }
 
 /// Which way derivatives are computed and why: `reverse (cost 412; forward 1,536)`.

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::io::{Write, stdout};
 
+use isograd_compiler::FORMS;
 use isograd_server::{Stopwatch, describe};
 use serde_json::{Value, json};
 
@@ -16,9 +17,10 @@ pub fn run(args: &Describe) -> Result<(), Failure> {
     let checked = files::load_sound(&args.file, &args.reading, &options, &Stopwatch::start(&options.limits))?;
     let exports: Vec<Value> = checked.exports().iter().map(describe::export).collect();
     let text = if args.json {
-        pretty(&json!({ "exports": exports }))
+        pretty(&json!({ "exports": exports, "queries": describe::queries() }))
     } else {
-        exports.iter().map(written).collect::<Vec<_>>().join("\n")
+        let exports: Vec<String> = exports.iter().map(written).collect();
+        if exports.is_empty() { String::new() } else { format!("{}\n{}", exports.join("\n"), queries()) }
     };
     let mut out = stdout().lock();
     out.write_all(text.as_bytes())?;
@@ -51,6 +53,16 @@ fn written(export: &Value) -> String {
             let _ = write!(line, "  {cell:<width$}");
         }
         let _ = writeln!(text, "{}", line.trim_end());
+    }
+    text
+}
+
+/// What can be asked of any export.
+fn queries() -> String {
+    let width = FORMS.iter().map(|q| q.form.chars().count()).max().unwrap_or(0);
+    let mut text = "queries, `*` in the place of a PARAMETER for all\n".to_owned();
+    for query in FORMS {
+        let _ = writeln!(text, "    {:width$}  {}", query.form, query.gives);
     }
     text
 }

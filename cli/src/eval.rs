@@ -6,6 +6,7 @@ use std::time::Duration;
 use isograd_compiler::{Query, Request, compile};
 use isograd_runtime::Runtime;
 use isograd_server::evaluate::{EvaluateError, load, run as evaluate, set_rates};
+use isograd_server::values::Interface;
 use isograd_server::{Stopwatch, select};
 
 use crate::args::{Eval, Format};
@@ -20,16 +21,20 @@ pub fn run(args: &Eval) -> Result<(), Failure> {
     let export = select::export(&exports, args.export.as_deref()).map_err(|e| Failure::Wrong(e.0))?;
     let queries = if args.queries.is_empty() { vec![Query::Value] } else { args.queries.clone() };
     select::known(export, &queries).map_err(|e| Failure::Wrong(e.0))?;
-    let inputs = inputs::gather(args, export)?;
+    let interface = Interface::of(export, &queries);
+    let inputs = inputs::gather(args, &interface)?;
 
     let mut request = Request {
         export: export.name.clone(),
         queries,
         precision: args.precision.into(),
         mode: args.mode.into(),
+        differentiability: args.smoothing.differentiability.into(),
+        sensitivity: args.smoothing.sensitivity,
+        within: args.specialising.boxes()?,
         ..Request::default()
     };
-    set_rates(&mut request, export, &inputs);
+    set_rates(&mut request, &interface, &inputs);
     watch.renew(&options.limits);
     let artefact = compile(&checked, &request, &options, &watch).map_err(|diagnostics| {
         report::diagnostics(&diagnostics, &checked.files);
@@ -45,7 +50,7 @@ pub fn run(args: &Eval) -> Result<(), Failure> {
 
     let mut out = BufWriter::with_capacity(1 << 16, stdout().lock());
     match args.format {
-        Format::Table => table::write_table(&mut out, export, inputs, outputs)?,
+        Format::Table => table::write_table(&mut out, &interface, inputs, outputs)?,
         Format::Csv => table::write_csv(&mut out, &outputs)?,
         Format::Json => {
             outputs.write_json(&mut out)?;

@@ -6,38 +6,45 @@ use std::io::{self, Read, stdin};
 use std::path::Path;
 
 use csv::{ByteRecord, Reader, ReaderBuilder, Terminator};
-use isograd_compiler::{Export, Rate, ScalarKind};
-use isograd_server::values::{Inputs, Values, describe, parse, takes};
+use isograd_compiler::{Argument, ArgumentColumn, Rate, Role, ScalarKind};
+use isograd_server::values::{Inputs, Interface, Values, describe, parse, takes};
 
 use crate::Failure;
 use crate::args::Eval;
 
-/// The inputs that the arguments give to an export.
-pub fn gather(args: &Eval, export: &Export) -> Result<Inputs, Failure> {
+/// The inputs that the arguments of the command give to an export.
+pub fn gather(args: &Eval, interface: &Interface<'_>) -> Result<Inputs, Failure> {
     if !args.args.is_empty() {
-        return from_args(&args.args, export);
+        return from_args(&args.args, interface);
     }
     let mut named = Vec::new();
     for (name, text) in &args.set {
-        named.push((name.clone(), uniform(name, text, export)?));
+        named.push((name.clone(), uniform(name, text, interface)?));
     }
     if let Some(path) = &args.points {
         let fixed: Vec<&str> = args.set.iter().map(|(name, _)| name.as_str()).collect();
-        let columns = from_csv(path, export, &fixed).map_err(Failure::Wrong)?;
+        let columns = from_csv(path, interface, &fixed).map_err(Failure::Wrong)?;
         named.extend(columns);
-    } else if named.is_empty() && export.parameters.iter().any(|p| p.default.is_none()) {
-        let takes = takes(export);
+    } else if named.is_empty() && interface.arguments.iter().any(|a| interface.default(a).is_none()) {
+        let takes = takes(interface);
         return Err(Failure::Wrong(format!(
             "no values for the parameters of `{}`: {takes}; give them with `--args`, `--points` or `--set`",
-            export.name
+            interface.export.name
         )));
     }
-    Inputs::of(export, named).map_err(|e| Failure::Wrong(e.0))
+    Inputs::of(interface, named).map_err(|e| Failure::Wrong(e.0))
 }
 
-/// All scalars of an export: their names and kinds.
-fn scalars(export: &Export) -> Vec<(String, ScalarKind)> {
-    export.parameters.iter().flat_map(|p| p.ty.columns(&p.name).into_iter().zip(p.ty.scalars())).collect()
+/// All numbers that an evaluation takes.
+fn columns<'i>(interface: &'i Interface<'_>) -> impl Iterator<Item = &'i ArgumentColumn> {
+    interface.arguments.iter().flat_map(|a| &a.columns)
+}
+
+/// The name of the scalar that a column is an end of, which stands for both ends if no point has that name.
+fn both_ends(argument: &Argument, column: &ArgumentColumn, interface: &Interface<'_>) -> Option<String> {
+    let name = column.name.strip_suffix(".start").or_else(|| column.name.strip_suffix(".end"))?;
+    let is_free = || columns(interface).all(|c| c.name != name);
+    (argument.role == Role::Box && is_free()).then(|| name.to_owned())
 }
 
 fn list(text: &str) -> Vec<&str> {
@@ -49,15 +56,15 @@ fn counted(n: usize) -> String {
     if n == 1 { "1 value".to_owned() } else { format!("{n} values") }
 }
 
-/// The defaults of the parameters after the first `count` scalars; `None` if those end inside a parameter or are too
-/// many, or a parameter after them has no default.
-fn defaults_after(export: &Export, count: usize) -> Option<Vec<f64>> {
+/// The defaults of the arguments after the first `count` scalars; `None` if those end inside an argument or are too
+/// many, or an argument after them has no default.
+fn defaults_after(interface: &Interface<'_>, count: usize) -> Option<Vec<f64>> {
     let mut before = 0;
     let mut defaults = Vec::new();
-    for parameter in &export.parameters {
-        let end = before + parameter.ty.len() as usize;
+    for argument in &interface.arguments {
+        let end = before + argument.columns.len();
         if before >= count {
-            defaults.extend_from_slice(parameter.default.as_deref()?);
+            defaults.extend(interface.default(argument)?);
         } else if end > count {
             return None;
         }
@@ -66,33 +73,35 @@ fn defaults_after(export: &Export, count: usize) -> Option<Vec<f64>> {
     (count <= before).then_some(defaults)
 }
 
-/// How many scalars must be given: those up to the last parameter without default.
-fn required(export: &Export) -> usize {
-    let optional = export.parameters.iter().rev().take_while(|p| p.default.is_some()).count();
-    let needed = export.parameters.len() - optional;
-    export.parameters.iter().take(needed).map(|p| p.ty.len() as usize).sum()
+/// How many scalars must be given: those up to the last argument without default.
+fn required(interface: &Interface<'_>) -> usize {
+    let arguments = &interface.arguments;
+    let optional = arguments.iter().rev().take_while(|a| interface.default(a).is_some()).count();
+    arguments.iter().take(arguments.len() - optional).map(|a| a.columns.len()).sum()
 }
 
 /// One point per text. A parameter other than the first is uniform if its value is the same at all points.
-fn from_args(points: &[String], export: &Export) -> Result<Inputs, Failure> {
-    let scalars = scalars(export);
+fn from_args(points: &[String], interface: &Interface<'_>) -> Result<Inputs, Failure> {
+    let scalars: Vec<&ArgumentColumn> = columns(interface).collect();
     let mut columns: Vec<Vec<f64>> = vec![Vec::with_capacity(points.len()); scalars.len()];
     for text in points {
         let given = list(text);
-        let Some(left_out) = defaults_after(export, given.len()) else {
+        let Some(left_out) = defaults_after(interface, given.len()) else {
             let has = counted(given.len());
-            let (takes, n) = (takes(export), scalars.len());
-            let fewer = match required(export) {
+            let (takes, n) = (takes(interface), scalars.len());
+            let fewer = match required(interface) {
                 least if least < n => format!("{n}, or fewer from {least} on up to the end of a parameter"),
                 _ => n.to_string(),
             };
-            return Err(Failure::Wrong(format!("`--args {text}` has {has}, `{}` takes {fewer}: {takes}", export.name)));
+            let name = &interface.export.name;
+            return Err(Failure::Wrong(format!("`--args {text}` has {has}, `{name}` takes {fewer}: {takes}")));
         };
         for (column, x) in columns.iter_mut().skip(given.len()).zip(left_out) {
             column.push(x);
         }
-        for ((column, (name, kind)), cell) in columns.iter_mut().zip(&scalars).zip(given) {
-            let x = parse(*kind, cell).map_err(|expected| {
+        for ((column, scalar), cell) in columns.iter_mut().zip(&scalars).zip(given) {
+            let x = parse(scalar.kind, cell).map_err(|expected| {
+                let name = &scalar.name;
                 Failure::Wrong(format!("`--args {text}`: `{name}` is `{}`, expected {expected}", short(cell)))
             })?;
             column.push(x);
@@ -100,10 +109,11 @@ fn from_args(points: &[String], export: &Export) -> Result<Inputs, Failure> {
     }
     let same = |column: &Vec<f64>| column.iter().all(|x| Some(x.to_bits()) == column.first().map(|f| f.to_bits()));
     let mut rest = columns.into_iter();
-    let mut values = Vec::with_capacity(export.parameters.len());
-    for (i, parameter) in export.parameters.iter().enumerate() {
-        let mut columns: Vec<Vec<f64>> = rest.by_ref().take(parameter.ty.len() as usize).collect();
-        let rate = if i > 0 && columns.iter().all(same) { Rate::Uniform } else { Rate::Varying };
+    let mut values = Vec::with_capacity(interface.arguments.len());
+    for argument in &interface.arguments {
+        let mut columns: Vec<Vec<f64>> = rest.by_ref().take(argument.columns.len()).collect();
+        let is_uniform = argument.parameter > 0 && columns.iter().all(same);
+        let rate = if is_uniform { Rate::Uniform } else { Rate::Varying };
         if rate == Rate::Uniform {
             columns.iter_mut().for_each(|c| c.truncate(1));
         }
@@ -112,35 +122,33 @@ fn from_args(points: &[String], export: &Export) -> Result<Inputs, Failure> {
     Ok(Inputs { values, points: points.len() })
 }
 
-/// `--set NAME=a,b,…`
-fn uniform(name: &str, text: &str, export: &Export) -> Result<Values, Failure> {
-    let Some(parameter) = export.parameters.iter().find(|p| p.name == name) else {
-        let takes = takes(export);
-        return Err(Failure::Wrong(format!(
-            "`--set {name}={text}`: `{}` has no parameter `{name}`; {takes}",
-            export.name
-        )));
-    };
+/// `--set NAME=a,b,…`; for a box a number per column, or one per scalar, which is both ends of a real.
+fn uniform(name: &str, text: &str, interface: &Interface<'_>) -> Result<Values, Failure> {
+    let argument = interface.argument(name).map_err(|why| Failure::Wrong(format!("`--set {name}={text}`: {why}")))?;
     let given = list(text);
-    let kinds = parameter.ty.scalars();
-    if given.len() != kinds.len() {
+    let mut scalars: Vec<usize> = argument.columns.iter().map(|c| c.scalar).collect();
+    scalars.dedup();
+    let (n, fewer) = (argument.columns.len(), scalars.len());
+    if given.len() != n && given.len() != fewer {
         let has = counted(given.len());
-        let n = kinds.len();
-        return Err(Failure::Wrong(format!("`--set {name}={text}` has {has}, {} has {n}", describe(parameter))));
+        let n = if fewer < n { format!("{n}, or {fewer} for a single point") } else { n.to_string() };
+        return Err(Failure::Wrong(format!("`--set {name}={text}` has {has}, {} has {n}", describe(argument))));
     }
-    let names = parameter.ty.columns(name);
-    let mut scalars = Vec::with_capacity(kinds.len());
-    for ((kind, cell), column) in kinds.iter().zip(given).zip(names) {
-        let x = parse(*kind, cell).map_err(|expected| {
-            Failure::Wrong(format!("`--set {name}={text}`: `{column}` is `{}`, expected {expected}", short(cell)))
+    let mut numbers = Vec::with_capacity(n);
+    for (i, column) in argument.columns.iter().enumerate() {
+        let at = if given.len() == n { Some(i) } else { scalars.iter().position(|s| *s == column.scalar) };
+        let cell = at.and_then(|at| given.get(at)).copied().unwrap_or("");
+        let x = parse(column.kind, cell).map_err(|expected| {
+            let (column, cell) = (&column.name, short(cell));
+            Failure::Wrong(format!("`--set {name}={text}`: `{column}` is `{cell}`, expected {expected}"))
         })?;
-        scalars.push(x);
+        numbers.push(x);
     }
-    Ok(Values::uniform(&scalars))
+    Ok(Values::uniform(&numbers))
 }
 
 /// Every parameter whose columns are in the file; those of `fixed` must not be.
-fn from_csv(path: &Path, export: &Export, fixed: &[&str]) -> Result<Vec<(String, Values)>, String> {
+fn from_csv(path: &Path, interface: &Interface<'_>, fixed: &[&str]) -> Result<Vec<(String, Values)>, String> {
     let (source, name): (Box<dyn Read>, String) = if path == Path::new("-") {
         (Box::new(stdin()), "standard input".to_owned())
     } else {
@@ -148,17 +156,18 @@ fn from_csv(path: &Path, export: &Export, fixed: &[&str]) -> Result<Vec<(String,
         let file = File::open(path).map_err(|error| format!("cannot read `{shown}`: {error}"))?;
         (Box::new(file), shown)
     };
-    let mut table = Table::open(source, name, export)?;
+    let mut table = Table::open(source, name, interface)?;
     for name in fixed {
-        if let Some(parameter) = export.parameters.iter().find(|p| p.name == *name) {
-            let columns = parameter.ty.columns(name);
-            if let Some(column) = table.header.iter().find(|h| columns.contains(h)) {
-                return Err(format!("{}: the column `{column}` gives `{name}`, and so does `--set`", table.name));
-            }
+        let Ok(argument) = interface.argument(name) else { continue };
+        let is_given = |h: &&String| {
+            argument.columns.iter().any(|c| c.name == **h || both_ends(argument, c, interface).as_ref() == Some(*h))
+        };
+        if let Some(column) = table.header.iter().find(is_given) {
+            return Err(format!("{}: the column `{column}` gives `{name}`, and so does `--set`", table.name));
         }
     }
     table.read()?;
-    table.parameters(export)
+    table.arguments(interface)
 }
 
 /// A CSV file being read.
@@ -172,7 +181,7 @@ struct Table<R> {
 
 impl<R: Read> Table<R> {
     /// Reads the header.
-    fn open(source: R, name: String, export: &Export) -> Result<Self, String> {
+    fn open(source: R, name: String, interface: &Interface<'_>) -> Result<Self, String> {
         // Only `\n` ends a line, so that lines can be counted; the `\r` before it is trimmed like a space.
         let mut reader = ReaderBuilder::new()
             .has_headers(false)
@@ -181,9 +190,14 @@ impl<R: Read> Table<R> {
             .buffer_capacity(1 << 16)
             .from_reader(Lines { source, ended: true });
         let mut record = ByteRecord::new();
-        let known = scalars(export);
-        let all: Vec<&str> = known.iter().map(|(n, _)| n.as_str()).collect();
+        let export = interface.export;
+        let all: Vec<&str> = columns(interface).map(|c| c.name.as_str()).collect();
         let all = all.join(",");
+        let mut known: Vec<(String, ScalarKind)> = columns(interface).map(|c| (c.name.clone(), c.kind)).collect();
+        for argument in &interface.arguments {
+            let points = argument.columns.iter().filter_map(|c| Some((both_ends(argument, c, interface)?, c.kind)));
+            known.extend(points);
+        }
         let some = reader.read_byte_record(&mut record).map_err(|error| unreadable(&name, error))?;
         if !some {
             return Err(format!("{name}: the file is empty; its first line names columns of `{}`: {all}", export.name));
@@ -196,8 +210,9 @@ impl<R: Read> Table<R> {
             let column = String::from_utf8_lossy(cell).trim().to_owned();
             let place = format!("{name}:1: column {}", i + 1);
             let Some((_, kind)) = known.iter().find(|(n, _)| *n == column) else {
+                let hint = interface.hint(&column).map(|hint| format!("; {hint}")).unwrap_or_default();
                 let column = short(&column);
-                return Err(format!("{place} is named `{column}`; `{}` has the columns {all}", export.name));
+                return Err(format!("{place} is named `{column}`; `{}` has the columns {all}{hint}", export.name));
             };
             if header.contains(&column) {
                 return Err(format!("{place} is named `{column}` as another column is; give each column once"));
@@ -251,25 +266,42 @@ impl<R: Read> Table<R> {
         after.saturating_sub(1 + inside).max(record.position().map_or(0, csv::Position::line))
     }
 
-    /// The parameters that the columns make.
-    fn parameters(mut self, export: &Export) -> Result<Vec<(String, Values)>, String> {
+    /// The arguments that the columns make.
+    fn arguments(mut self, interface: &Interface<'_>) -> Result<Vec<(String, Values)>, String> {
         let mut named = Vec::new();
-        for parameter in &export.parameters {
-            let names = parameter.ty.columns(&parameter.name);
-            let found: Vec<Option<usize>> = names.iter().map(|n| self.header.iter().position(|h| h == n)).collect();
+        for argument in &interface.arguments {
+            let position = |name: &str| self.header.iter().position(|h| h == name);
+            let mut found = Vec::with_capacity(argument.columns.len());
+            for column in &argument.columns {
+                let both = both_ends(argument, column, interface).and_then(|both| position(&both));
+                let own = position(&column.name);
+                if let (Some(own), Some(both)) =
+                    (own.and_then(|i| self.header.get(i)), both.and_then(|i| self.header.get(i)))
+                {
+                    let message = format!("the column `{both}` gives both ends, and `{own}` one of them; give one");
+                    return Err(format!("{}: {message}", self.name));
+                }
+                found.push(own.or(both));
+            }
             if found.iter().all(Option::is_none) {
                 continue;
             }
+            let named_columns = argument.columns.iter().zip(&found);
             let missing: Vec<&str> =
-                names.iter().zip(&found).filter(|(_, at)| at.is_none()).map(|(n, _)| n.as_str()).collect();
+                named_columns.filter(|(_, at)| at.is_none()).map(|(c, _)| c.name.as_str()).collect();
             if !missing.is_empty() {
                 let plural = if missing.len() == 1 { "column" } else { "columns" };
-                let (missing, described) = (missing.join(", "), describe(parameter));
+                let (missing, described) = (missing.join(", "), describe(argument));
                 return Err(format!("{}: the {plural} {missing} of {described} is missing", self.name));
             }
-            let columns =
-                found.iter().flatten().filter_map(|at| self.columns.get_mut(*at).map(std::mem::take)).collect();
-            named.push((parameter.name.clone(), Values { rate: Rate::Varying, columns }));
+            let found: Vec<usize> = found.into_iter().flatten().collect();
+            let mut columns = Vec::with_capacity(found.len());
+            for (i, at) in found.iter().enumerate() {
+                let Some(column) = self.columns.get_mut(*at) else { continue };
+                // The next column may be the other end of the same box.
+                columns.push(if found.get(i + 1) == Some(at) { column.clone() } else { std::mem::take(column) });
+            }
+            named.push((argument.name.clone(), Values { rate: Rate::Varying, columns }));
         }
         Ok(named)
     }

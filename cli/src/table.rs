@@ -2,9 +2,9 @@
 
 use std::io::{self, Write};
 
-use isograd_compiler::{Export, Rate, ScalarKind};
-use isograd_server::outputs::{Numbers, Outputs};
-use isograd_server::values::Inputs;
+use isograd_compiler::{Kink, Rate, ScalarKind};
+use isograd_server::outputs::{NumberedKink, Numbers, Outputs};
+use isograd_server::values::{Inputs, Interface};
 
 /// Columns that belong together.
 struct Group {
@@ -24,22 +24,20 @@ const GAP: &str = "  ";
 const WALL: &str = "  │  ";
 
 /// Writes inputs that vary, then outputs, one point per line.
-pub fn write_table(w: &mut impl Write, export: &Export, inputs: Inputs, outputs: Outputs) -> io::Result<()> {
+pub fn write_table(w: &mut impl Write, interface: &Interface<'_>, inputs: Inputs, outputs: Outputs) -> io::Result<()> {
     let points = outputs.points;
     let mut groups = Vec::new();
-    for (parameter, values) in export.parameters.iter().zip(inputs.values) {
+    for (argument, values) in interface.arguments.iter().zip(inputs.values) {
         if values.rate == Rate::Uniform {
             continue;
         }
-        let names = parameter.ty.columns(&parameter.name).into_iter();
-        let columns = names
-            .zip(parameter.ty.scalars())
-            .zip(values.columns)
-            .map(|((name, kind), column)| (name, numbers(kind, column)))
-            .collect();
-        groups.push(group(parameter.name.clone(), columns, points));
+        let columns = argument.columns.iter().zip(values.columns);
+        let columns = columns.map(|(of, column)| (of.name.clone(), numbers(of.kind, column))).collect();
+        groups.push(group(argument.name.clone(), columns, points));
     }
+    let mut kinks = Vec::new();
     for output in outputs.outputs {
+        kinks.extend(output.kinks.into_iter().map(|kink| (output.name.clone(), kink)));
         let columns = output.columns.into_iter().map(|c| (c.name, c.numbers)).collect();
         groups.push(group(output.name, columns, points));
     }
@@ -62,7 +60,14 @@ pub fn write_table(w: &mut impl Write, export: &Export, inputs: Inputs, outputs:
         }
         w.write_all(b"\n")?;
     }
-    Ok(())
+    kinks.iter().try_for_each(|(query, kink)| write_kink(w, query, kink))
+}
+
+/// Says below a table what a number of its column `kink` means.
+fn write_kink(w: &mut impl Write, query: &str, NumberedKink { kink, of }: &NumberedKink) -> io::Result<()> {
+    let Kink { operation, place, set, discriminant, derivatives: [below, inside, above], .. } = of;
+    writeln!(w, "{query}: kink {kink} is `{operation}` at {place}, where {set}")?;
+    writeln!(w, "  side -1: {below}; side 0: {inside}; side 1: {above}; by the sign of {discriminant}")
 }
 
 /// Writes a header and one row per point. A column of the value has its own name, one of a derivative has the
@@ -160,7 +165,7 @@ fn pad(w: &mut impl Write, count: usize) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use isograd_compiler::{Parameter, Type};
+    use isograd_compiler::{Export, Parameter, Query, Type};
     use isograd_server::outputs::{Output, OutputColumn};
     use isograd_server::values::Values;
 
@@ -176,11 +181,13 @@ mod tests {
                     name: "value".to_owned(),
                     ty: "real".to_owned(),
                     columns: vec![column("value", &[0.5, -12.25])],
+                    kinks: Vec::new(),
                 },
                 Output {
                     name: "gradient(at)".to_owned(),
                     ty: "vec2".to_owned(),
                     columns: vec![column("at.x", &[1.0, f32::NAN]), column("at.y", &[0.0, -0.125])],
+                    kinks: Vec::new(),
                 },
             ],
         }
@@ -200,7 +207,8 @@ mod tests {
         let varying = Values { rate: Rate::Varying, columns: vec![vec![1.0, 2.0], vec![3.0, 0.25]] };
         let inputs = Inputs { values: vec![varying, Values::uniform(&[3.0])], points: 2 };
         let mut text = Vec::new();
-        write_table(&mut text, &export, inputs, outputs()).unwrap();
+        let interface = Interface::of(&export, &[Query::Value]);
+        write_table(&mut text, &interface, inputs, outputs()).unwrap();
         let expected = concat!(
             "        at  │   value  │  gradient(at)\n",
             "at.x  at.y  │          │  at.x    at.y\n",

@@ -247,6 +247,30 @@ fn an_endless_evaluation_is_ended() {
 }
 
 #[test]
+fn smooth_has_a_sensitivity_and_a_manifest_that_says_so() {
+    let dir = Dir::with("export fn f(x: real) -> real { abs(x) }\n");
+    let base = ["eval", "main.vola", "--args", "0", "--query", "value", "--query", "hessian(x)", "--format", "csv"];
+    let row = |more: &[&str]| dir.run(&[&base[..], more].concat()).ok().lines().nth(1).unwrap().to_owned();
+    assert_eq!(row(&["--differentiability", "exact"]), row(&[]));
+    assert_eq!(row(&[]), "0.0,0.0");
+    let numbers = |row: String| row.split(',').map(|x| x.parse().unwrap()).collect::<Vec<f64>>();
+    let near = |found: Vec<f64>, want: [f64; 2]| found.iter().zip(want).all(|(x, y)| (x - y).abs() <= 1e-5 * y);
+    let smooth = ["--differentiability", "smooth"];
+    assert!(near(numbers(row(&smooth)), [0.000_693_147_2, 1000.0]));
+    assert!(near(numbers(row(&[&smooth[..], &["--sensitivity", "1000"]].concat())), [std::f64::consts::LN_2, 1.0]));
+    dir.run(&[&base[..], &["--sensitivity", "2"]].concat()).fails_with(1, &["E1102", "`exact`", "`smooth`"]);
+    for wrong in ["0", "-1", "inf", "soft"] {
+        let wrong = format!("--sensitivity={wrong}");
+        dir.run(&[&base[..], &smooth[..], &[wrong.as_str()]].concat()).fails_with(2, &["finite number above 0"]);
+    }
+    dir.run(&[&base[..], &["--differentiability", "rough"]].concat()).fails_with(2, &["exact, strict, smooth"]);
+    dir.run(&["compile", "main.vola", "--differentiability", "smooth", "--sensitivity", "0.5", "-o", "f.wasm"]);
+    let bytes = std::fs::read(dir.0.join("f.wasm")).unwrap();
+    let said = br#""differentiability":"smooth","sensitivity":0.5"#;
+    assert!(bytes.windows(said.len()).any(|w| w == said), "the manifest is in the module");
+}
+
+#[test]
 fn both_ways_of_derivatives_agree() {
     let dir = Dir::with("export fn f(a: vec4, b: vec4) -> real { sqrt(dot(a, b) * dot(a, a) + exp(b.x * a.y)) }\n");
     let gradient = |mode: &str| {

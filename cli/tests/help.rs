@@ -78,7 +78,10 @@ part -> real
 id -> real
     x  real
 ";
-    assert_eq!(dir.run(&["describe", "main.vola"]).ok(), expected);
+    let ran = dir.run(&["describe", "main.vola"]);
+    let (exports, queries) = ran.ok().split_once("\nqueries, ").unwrap();
+    assert_eq!(exports, expected);
+    assert_eq!(queries.lines().skip(1).count(), isograd_compiler::FORMS.len(), "{queries}");
     let described: Value = serde_json::from_str(dir.run(&["describe", "main.vola", "--json"]).ok()).unwrap();
     let part = &described["exports"][0];
     assert_eq!((&part["name"], &part["result"]["type"]), (&json!("part"), &json!("real")));

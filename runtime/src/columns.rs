@@ -31,6 +31,16 @@ impl Values<'_> {
         self.len() == 0
     }
 
+    /// The first number that does not lie between two ends, NaN included, and its place; `read` rounds it first.
+    pub(crate) fn first_outside(&self, lo: f64, hi: f64, read: impl Fn(f64) -> f64) -> Option<(usize, f64)> {
+        let outside = |x: &f64| !(lo..=hi).contains(&read(*x));
+        match self {
+            Self::F32(x) => x.iter().map(|x| f64::from(*x)).enumerate().find(|(_, x)| outside(x)),
+            Self::F64(x) => x.iter().copied().enumerate().find(|(_, x)| outside(x)),
+            Self::I32(x) => x.iter().map(|x| f64::from(*x)).enumerate().find(|(_, x)| outside(x)),
+        }
+    }
+
     /// Whether a scalar of this kind can be given so.
     pub(crate) const fn fits(&self, scalar: ColumnType) -> bool {
         matches!((self, scalar), (Self::I32(_), ColumnType::Int | ColumnType::Bool))

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-use isograd_compiler::{Column as Declared, Manifest, Precision, Rate};
+use isograd_compiler::{Column as Declared, ColumnType, Differentiability, Manifest, Precision, Rate};
 use rayon::prelude::*;
 use wasmtime::Module;
 
@@ -20,7 +20,7 @@ pub struct EvalOptions {
 }
 
 /// Why an evaluation failed.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum EvalError {
     /// Not one column per input scalar.
     #[error("{given} input columns were given; the module has {wanted}")]
@@ -47,6 +47,22 @@ pub enum EvalError {
         column: String,
         /// What it holds.
         holds: &'static str,
+    },
+    /// A number outside of what the module was compiled for.
+    #[error("the input `{column}` is {value} at point {point}; this module is {why} between {lo} and {hi}")]
+    Outside {
+        /// The column.
+        column: String,
+        /// The first point with such a number, from 0.
+        point: usize,
+        /// The number.
+        value: f64,
+        /// The least it may be.
+        lo: f64,
+        /// The most.
+        hi: f64,
+        /// Whether the module is specialised to a box, or proved over a range.
+        why: &'static str,
     },
     /// More points than a block holds, or none.
     #[error("{count} points do not fit a block of 1 to {block}")]
@@ -188,6 +204,22 @@ impl Kernel {
             }
             if !values.fits(column.scalar) {
                 return Err(EvalError::Kind { column: name, holds: column.scalar.describe() });
+            }
+            self.inside(column, *values)?;
+        }
+        Ok(())
+    }
+
+    /// Refuses numbers for which the module gives no meaningful results: outside of the box it is specialised to, or,
+    /// in `strict`, outside of the ranges that its proofs assume (LANGUAGE 9.3).
+    fn inside(&self, column: &Declared, values: Values<'_>) -> Result<(), EvalError> {
+        let proved = column.range.filter(|_| self.manifest.differentiability == Differentiability::Strict);
+        for (ends, why) in [(column.within, "specialised to numbers"), (proved, "proved for numbers")] {
+            let Some([lo, hi]) = ends else { continue };
+            // Numbers are compared as the module reads them.
+            let read = |x: f64| if column.scalar == ColumnType::Real { self.precision.round(x) } else { x };
+            if let Some((point, value)) = values.first_outside(read(lo.0), read(hi.0), read) {
+                return Err(EvalError::Outside { column: column.name.clone(), point, value, lo: lo.0, hi: hi.0, why });
             }
         }
         Ok(())

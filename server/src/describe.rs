@@ -1,7 +1,7 @@
 //! Exports as clients see them: parameters with type, default and range, result, documentation (LANGUAGE 9.3).
 //! Writes values in the shape in which an evaluation takes them; knows nothing of where it is shown.
 
-use isograd_compiler::{Export, Parameter, ScalarKind, Type};
+use isograd_compiler::{Export, FORMS, Parameter, ScalarKind, Type};
 use serde_json::{Value, json};
 
 /// `{name, parameters: [{name, type, columns, default, range: {lower, upper}}], result: {name, type, columns}, doc}`;
@@ -14,6 +14,12 @@ pub fn export(export: &Export) -> Value {
         "result": port("value", &export.result),
         "doc": export.doc,
     })
+}
+
+/// What can be asked of any export: `[{query, gives}]`.
+#[must_use]
+pub fn queries() -> Value {
+    FORMS.iter().map(|q| json!({ "query": q.form, "gives": q.gives })).collect()
 }
 
 fn port(name: &str, ty: &Type) -> Value {

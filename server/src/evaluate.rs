@@ -4,12 +4,12 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use isograd_compiler::{Artefact, ColumnType, Export, Request};
+use isograd_compiler::{Artefact, ColumnType, Rate, Request};
 use isograd_runtime::{Column, EvalError, EvalOptions, Kernel, LoadError, Runtime, Values};
 
 use crate::limits::LimitValue;
-use crate::outputs::{Numbers, Output, OutputColumn, Outputs};
-use crate::values::Inputs;
+use crate::outputs::{NumberedKink, Numbers, Output, OutputColumn, Outputs};
+use crate::values::{Inputs, Interface};
 
 /// Why an evaluation gave nothing.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -50,10 +50,13 @@ pub fn load(runtime: &Runtime, artefact: &Artefact) -> Result<Arc<Kernel>, Evalu
     })
 }
 
-/// Gives a request the rates that the inputs have.
-pub fn set_rates(request: &mut Request, export: &Export, inputs: &Inputs) {
-    let rates = export.parameters.iter().zip(&inputs.values).map(|(p, v)| (p.name.clone(), v.rate));
-    request.rates = rates.collect();
+/// Gives a request the rates that the inputs have. What is given for a parameter varies if any of it does.
+pub fn set_rates(request: &mut Request, interface: &Interface<'_>, inputs: &Inputs) {
+    let given = || interface.arguments.iter().zip(&inputs.values);
+    let varies = |i| given().any(|(argument, values)| argument.parameter == i && values.rate == Rate::Varying);
+    let rate = |i| if varies(i) { Rate::Varying } else { Rate::Uniform };
+    let parameters = interface.export.parameters.iter().enumerate();
+    request.rates = parameters.map(|(i, parameter)| (parameter.name.clone(), rate(i))).collect();
 }
 
 /// Evaluates. The kernel must be of a request with the rates of the inputs.
@@ -80,18 +83,16 @@ pub fn run(kernel: &Kernel, inputs: &Inputs, time: Option<Duration>) -> Result<O
     } else {
         kernel.evaluate(&columns, inputs.points, &options).map_err(|error| match error {
             EvalError::Deadline => EvaluateError::Deadline,
-            EvalError::Memory { .. } => EvaluateError::Refused { message: error.to_string(), limit: None },
+            EvalError::Memory { .. } | EvalError::Outside { .. } => {
+                EvaluateError::Refused { message: error.to_string(), limit: None }
+            }
             error => EvaluateError::Internal(error.to_string()),
         })?
     };
     let mut computed = computed.into_iter();
-    let outputs = manifest.outputs.iter().map(|port| Output {
-        name: port.name.clone(),
-        ty: port.ty.clone(),
-        columns: port
-            .columns
-            .iter()
-            .zip(computed.by_ref())
+    let outputs = manifest.outputs.iter().map(|port| {
+        let columns = port.columns.iter().zip(computed.by_ref());
+        let columns: Vec<OutputColumn> = columns
             .map(|(column, computed)| OutputColumn {
                 name: column.name.clone(),
                 numbers: match (computed, column.scalar) {
@@ -101,7 +102,9 @@ pub fn run(kernel: &Kernel, inputs: &Inputs, time: Option<Duration>) -> Result<O
                     (Column::I32(x), _) => Numbers::Int(x),
                 },
             })
-            .collect(),
+            .collect();
+        let kinks = NumberedKink::named_by(&columns, &port.kinks);
+        Output { name: port.name.clone(), ty: port.ty.clone(), columns, kinks }
     });
     Ok(Outputs { export: manifest.export.clone(), points: inputs.points, outputs: outputs.collect() })
 }

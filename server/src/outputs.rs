@@ -1,7 +1,11 @@
 //! Results of an evaluation, and how their numbers are written: as JSON, and one by one for CSV and tables.
 //! Knows columns; knows nothing of where they were computed.
 
+use std::collections::BTreeSet;
 use std::io::{self, Write};
+
+use isograd_compiler::Kink;
+use serde::Serialize;
 
 /// The numbers of a column, one per point.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +38,29 @@ pub struct Output {
     pub ty: String,
     /// Its columns.
     pub columns: Vec<OutputColumn>,
+    /// Of a report of kinks: those that its column `kink` names, ascending.
+    pub kinks: Vec<NumberedKink>,
+}
+
+/// A kink and its number in the column `kink`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct NumberedKink {
+    /// The number.
+    pub kink: usize,
+    /// What it is.
+    #[serde(flatten)]
+    pub of: Kink,
+}
+
+impl NumberedKink {
+    /// Of all kinks of a report those that occur in its columns.
+    #[must_use]
+    pub fn named_by(columns: &[OutputColumn], all: &[Kink]) -> Vec<Self> {
+        let numbers = columns.iter().find(|column| column.name == "kink").map(|column| &column.numbers);
+        let Some(Numbers::Int(numbers)) = numbers else { return Vec::new() };
+        let named: BTreeSet<usize> = numbers.iter().filter_map(|kink| usize::try_from(*kink).ok()).collect();
+        named.into_iter().filter_map(|kink| Some(Self { kink, of: all.get(kink)?.clone() })).collect()
+    }
 }
 
 /// What an evaluation gave.
@@ -94,7 +121,8 @@ fn special(x: f64) -> Option<&'static str> {
 }
 
 impl Outputs {
-    /// Writes `{"export": …, "outputs": [{"name", "type", "columns": […], "rows": [[…], …]}]}`.
+    /// Writes `{"export": …, "outputs": [{"name", "type", "columns": […], "rows": [[…], …]}]}`; a report of kinks has
+    /// `"kinks": [{"kink", "operation", …}, …]` as well.
     ///
     /// # Errors
     /// If writing fails.
@@ -131,7 +159,12 @@ impl Output {
             }
             w.write_all(b"]")?;
         }
-        w.write_all(b"]")
+        w.write_all(b"]")?;
+        if !self.kinks.is_empty() {
+            w.write_all(b",\"kinks\":")?;
+            serde_json::to_writer(&mut *w, &self.kinks)?;
+        }
+        Ok(())
     }
 }
 
@@ -154,11 +187,13 @@ mod tests {
                         column("value.1", Numbers::Int(vec![-3, 4])),
                         column("value.2", Numbers::Bool(vec![1, 0])),
                     ],
+                    kinks: Vec::new(),
                 },
                 Output {
                     name: "gradient(at)".to_owned(),
                     ty: "real".to_owned(),
                     columns: vec![column("at", Numbers::F64(vec![f64::NEG_INFINITY, 1e-300]))],
+                    kinks: Vec::new(),
                 },
             ],
         };

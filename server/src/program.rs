@@ -181,6 +181,7 @@ impl Program {
             "entry": self.source.entry,
             "files": self.source.files.keys().collect::<Vec<_>>(),
             "exports": exports,
+            "queries": describe::queries(),
             "diagnostics": pages::json(&self.diagnostics, &self.checked.files),
         })
     }

@@ -15,7 +15,10 @@ use axum::http::request::Parts;
 use axum::http::{HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use isograd_compiler::{Code, DerivativeMode, Files, Precision, Query, Rate, Request as Wanted, UnknownCode, explain};
+use isograd_compiler::{
+    Code, DerivativeMode, Differentiability, Files, InvalidWithin, Precision, Query, Rate, Request as Wanted,
+    Sensitivity, UnknownCode, Within, explain,
+};
 use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::json;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -32,7 +35,7 @@ use crate::problem::{Kind, Problem};
 use crate::program::{Program, Source};
 use crate::select::{self, UnknownName};
 use crate::state::Service;
-use crate::values::{Inputs, Misfit};
+use crate::values::{Inputs, Interface, Misfit};
 
 type Shared = State<Arc<Service>>;
 
@@ -160,6 +163,10 @@ struct Evaluate {
     inputs: Named,
     precision: Option<String>,
     mode: Option<String>,
+    differentiability: Option<String>,
+    sensitivity: Option<f64>,
+    #[serde(default)]
+    within: Vec<String>,
 }
 
 /// How a request names what is to be compiled.
@@ -169,6 +176,11 @@ struct Choice {
     queries: Option<Vec<String>>,
     precision: Option<String>,
     mode: Option<String>,
+    differentiability: Option<String>,
+    /// As written.
+    sensitivity: Option<String>,
+    /// As written, a parameter each.
+    within: Vec<String>,
 }
 
 async fn evaluate(State(service): Shared, Id(id): Id, request: Request) -> Result<Response, Problem> {
@@ -180,29 +192,33 @@ async fn evaluate(State(service): Shared, Id(id): Id, request: Request) -> Resul
 fn answer(service: &Service, id: &str, body: Held) -> Result<Response, Problem> {
     let program = service.program(id)?;
     let asked: Evaluate = read_json(&body.bytes)?;
-    let choice = Choice { export: asked.export, queries: asked.query, precision: asked.precision, mode: asked.mode };
+    let choice = Choice {
+        export: asked.export,
+        queries: asked.query,
+        precision: asked.precision,
+        mode: asked.mode,
+        differentiability: asked.differentiability,
+        sensitivity: asked.sensitivity.map(|s| s.to_string()),
+        within: asked.within,
+    };
     let mut wanted = wanted(service, &program, &choice)?;
     let exports = program.checked.exports();
     let export = select::export(&exports, Some(&wanted.export))?;
 
+    let interface = Interface::of(export, &wanted.queries);
     let mut named = Vec::with_capacity(asked.inputs.0.len());
     for (name, shaped) in asked.inputs.0 {
-        match export.parameters.iter().find(|p| p.name == name) {
-            Some(parameter) => named.push((name, shaped.values(parameter)?)),
-            None => {
-                let message = format!("`{}` has no parameter `{name}`; {}", export.name, crate::values::takes(export));
-                return Err(UnknownName(message).into());
-            }
-        }
+        let values = shaped.values(interface.argument(&name).map_err(UnknownName)?)?;
+        named.push((name, values));
     }
-    let inputs = Inputs::of(export, named)?;
+    let inputs = Inputs::of(&interface, named)?;
     drop(body);
 
     let points = service.limits.points();
     if inputs.points as u64 > points.value {
         return Err(over(points, "points", inputs.points as u64));
     }
-    evaluate::set_rates(&mut wanted, export, &inputs);
+    evaluate::set_rates(&mut wanted, &interface, &inputs);
     let artefact = service.compiled(&program, &wanted)?;
     let columns: usize = artefact.manifest.outputs.iter().map(|o| o.columns.len()).sum();
     let scalars = (inputs.points as u64).saturating_mul(columns as u64);
@@ -233,12 +249,21 @@ fn module_bytes(service: &Service, id: &str, query: &str) -> Result<Response, Pr
             "export" => choice.export.replace(value),
             "precision" => choice.precision.replace(value),
             "mode" => choice.mode.replace(value),
+            "differentiability" => choice.differentiability.replace(value),
+            "sensitivity" => choice.sensitivity.replace(value),
+            "within" => {
+                choice.within.push(value);
+                None
+            }
             "query" => {
                 choice.queries.get_or_insert_default().push(value);
                 None
             }
             _ => {
-                let message = format!("unknown field `{name}`, expected `export`, `query`, `precision` or `mode`");
+                let message = format!(
+                    "unknown field `{name}`, expected `export`, `query`, `precision`, `mode`, `differentiability`, \
+                     `sensitivity` or `within`"
+                );
                 return Err(Problem::new(Kind::InvalidRequest, message));
             }
         };
@@ -324,6 +349,23 @@ fn wanted(service: &Service, program: &Program, choice: &Choice) -> Result<Wante
     let precisions = [Precision::F32, Precision::F64];
     let precision = one_of("precision", choice.precision.as_deref(), &precisions, Precision::name)?;
     let mode = one_of("mode", choice.mode.as_deref(), &DerivativeMode::ALL, DerivativeMode::name)?;
+    let differentiability = one_of(
+        "differentiability",
+        choice.differentiability.as_deref(),
+        &Differentiability::ALL,
+        Differentiability::name,
+    )?;
+    let sensitivity = choice.sensitivity.as_deref().map(str::parse::<Sensitivity>).transpose();
+    let sensitivity = sensitivity.map_err(|e| Problem::new(Kind::InvalidRequest, e.to_string()))?;
+    let mut within = BTreeMap::new();
+    for text in &choice.within {
+        let part: Within =
+            text.parse().map_err(|e: InvalidWithin| Problem::new(Kind::InvalidRequest, e.to_string()))?;
+        if within.insert(part.parameter.clone(), part.ends).is_some() {
+            let message = format!("`within` names `{}` twice", part.parameter);
+            return Err(Problem::new(Kind::InvalidRequest, message));
+        }
+    }
     let exports = program.checked.exports();
     let export = select::export(&exports, choice.export.as_deref())?;
     let queries = match &choice.queries {
@@ -340,7 +382,17 @@ fn wanted(service: &Service, program: &Program, choice: &Choice) -> Result<Wante
         .enumerate()
         .map(|(i, p)| (p.name.clone(), if i == 0 { Rate::Varying } else { Rate::Uniform }))
         .collect();
-    Ok(Wanted { export: export.name.clone(), queries, precision, rates, mode, ..Wanted::default() })
+    Ok(Wanted {
+        export: export.name.clone(),
+        queries,
+        precision,
+        rates,
+        mode,
+        differentiability,
+        sensitivity,
+        within,
+        ..Wanted::default()
+    })
 }
 
 /// The value of a field that takes one of a few names; without it, the default.

@@ -1,11 +1,11 @@
 //! Values of parameters: what the host gives, as columns of numbers, and what may go wrong between the two.
 //! Knows types by their scalars; knows neither JSON nor CSV nor how anything is evaluated.
 
-use isograd_compiler::{Export, Parameter, Rate, ScalarKind};
+use isograd_compiler::{Argument, Export, Query, Rate, Role, ScalarKind, arguments};
 
 use crate::describe::value;
 
-/// The values of one parameter, one column per scalar (LANGUAGE 9.2). A number of any kind is held as f64, which is
+/// The values of one argument, one column for each of its own. A number of any kind is held as f64, which is
 /// exact for ints and bools; a real is rounded to the module's precision when it is used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Values {
@@ -23,10 +23,10 @@ impl Values {
     }
 }
 
-/// Inputs of one evaluation: the values of all parameters in order, and how many points they make.
+/// Inputs of one evaluation: the values of all arguments in order, and how many points they make.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inputs {
-    /// One per parameter of the export.
+    /// One per argument.
     pub values: Vec<Values>,
     /// The number of points.
     pub points: usize,
@@ -37,37 +37,104 @@ pub struct Inputs {
 #[error("{0}")]
 pub struct Misfit(pub String);
 
-impl Inputs {
-    /// Puts named values in the order of the parameters. All varying ones must have the same number of points. If
-    /// none varies, the first parameter varies with one point, which is the usual rate of it and so the usual module.
-    /// A parameter that is not named has its default (LANGUAGE 9.3).
+/// What an evaluation takes: an export and what its queries need to be given (see [`arguments`]).
+#[derive(Debug, Clone)]
+pub struct Interface<'e> {
+    /// The export.
+    pub export: &'e Export,
+    /// What must be given.
+    pub arguments: Vec<Argument>,
+}
+
+impl<'e> Interface<'e> {
+    /// Of queries about an export.
+    #[must_use]
+    pub fn of(export: &'e Export, queries: &[Query]) -> Self {
+        let parameters = export.parameters.iter().map(|p| (p.name.as_str(), &p.ty));
+        Self { export, arguments: arguments(parameters, queries) }
+    }
+
+    /// The argument of this name.
     ///
     /// # Errors
-    /// If a parameter has neither value nor default, a value no parameter, or the numbers of points differ.
-    pub fn of(export: &Export, mut named: Vec<(String, Values)>) -> Result<Self, Misfit> {
-        for (i, (name, _)) in named.iter().enumerate() {
-            if !export.parameters.iter().any(|p| p.name == *name) {
-                return Err(Misfit(format!("`{}` has no parameter `{name}`; {}", export.name, takes(export))));
+    /// A sentence that says what there is instead.
+    pub fn argument(&self, name: &str) -> Result<&Argument, String> {
+        self.arguments.iter().find(|a| a.name == name).ok_or_else(|| {
+            if let Some(hint) = self.hint(name) {
+                return hint;
             }
+            format!("`{}` has no parameter `{name}`; {}", self.export.name, takes(self))
+        })
+    }
+
+    /// What to do about a name, of an argument or one of its columns, that would be one if other queries were asked.
+    #[must_use]
+    pub fn hint(&self, name: &str) -> Option<String> {
+        let (of, what) = name.rsplit_once('.')?;
+        let parameter =
+            self.export.parameters.iter().find(|p| p.name == of || p.ty.columns(&p.name).contains(&of.to_owned()))?;
+        let parameter = parameter.name.as_str();
+        let is_boxed = || self.arguments.iter().any(|a| a.role == Role::Box && a.name == parameter);
+        match what {
+            "box" if is_boxed() => {
+                Some(format!("no query needs the point of `{parameter}`: give its box as `{parameter}`"))
+            }
+            "box" | "start" | "end" => Some(format!(
+                "`{name}` is not needed: no query ranges over a box of `{parameter}`, as `bound({parameter})` and \
+                 `lipschitz({parameter})` do"
+            )),
+            "direction" => Some(format!(
+                "`{name}` is not needed: no query goes along a direction, as `directional({parameter})` does"
+            )),
+            _ => None,
+        }
+    }
+
+    /// What an argument is if it is not given, column by column: the default of its parameter, in a box as both ends.
+    #[must_use]
+    pub fn default(&self, argument: &Argument) -> Option<Vec<f64>> {
+        let default = self.export.parameters.get(argument.parameter)?.default.as_ref()?;
+        match argument.role {
+            Role::Point | Role::Box => argument.columns.iter().map(|c| default.get(c.scalar).copied()).collect(),
+            Role::Direction => None,
+        }
+    }
+}
+
+impl Inputs {
+    /// Puts named values in the order of the arguments. All varying ones must have the same number of points. If none
+    /// varies, the first varies with one point, which is the usual rate of it and so the usual module. One that is not
+    /// named has its parameter's default (LANGUAGE 9.3).
+    ///
+    /// # Errors
+    /// If an argument has neither value nor default, a value no argument, or the numbers of points differ.
+    pub fn of(interface: &Interface<'_>, mut named: Vec<(String, Values)>) -> Result<Self, Misfit> {
+        for (i, (name, _)) in named.iter().enumerate() {
+            interface.argument(name).map_err(Misfit)?;
             if named.iter().take(i).any(|(earlier, _)| earlier == name) {
                 return Err(Misfit(format!("the parameter `{name}` is given twice; give it once")));
             }
         }
-        let mut values = Vec::with_capacity(export.parameters.len());
+        let mut values = Vec::with_capacity(interface.arguments.len());
         let mut missing = Vec::new();
-        for parameter in &export.parameters {
-            let given = named.iter().position(|(name, _)| *name == parameter.name);
-            match (given, &parameter.default) {
+        for argument in &interface.arguments {
+            let given = named.iter().position(|(name, _)| *name == argument.name);
+            match (given, interface.default(argument)) {
                 (Some(at), _) => values.push(named.swap_remove(at).1),
-                (None, Some(default)) => values.push(Values::uniform(default)),
-                (None, None) => missing.push(describe(parameter)),
+                (None, Some(default)) => values.push(Values::uniform(&default)),
+                (None, None) => missing.push(argument),
             }
         }
         if !missing.is_empty() {
-            let plural = if missing.len() == 1 { "parameter" } else { "parameters" };
-            return Err(Misfit(format!("no value for the {plural} {}", missing.join(", "))));
+            let what = match missing.as_slice() {
+                some if some.iter().any(|a| a.role != Role::Point) => "",
+                [_] => "the parameter ",
+                _ => "the parameters ",
+            };
+            let missing: Vec<String> = missing.into_iter().map(describe).collect();
+            return Err(Misfit(format!("no value for {what}{}", missing.join(", "))));
         }
-        let points = count(export, &values)?;
+        let points = count(interface, &values)?;
         if let Some(first) = values.first_mut().filter(|_| points.is_none()) {
             first.rate = Rate::Varying;
         }
@@ -76,9 +143,9 @@ impl Inputs {
 }
 
 /// The number of points of the varying values, if any vary.
-fn count(export: &Export, values: &[Values]) -> Result<Option<usize>, Misfit> {
+fn count(interface: &Interface<'_>, values: &[Values]) -> Result<Option<usize>, Misfit> {
     let mut found: Option<(&str, usize)> = None;
-    for (parameter, values) in export.parameters.iter().zip(values) {
+    for (argument, values) in interface.arguments.iter().zip(values) {
         if values.rate == Rate::Uniform {
             continue;
         }
@@ -88,38 +155,48 @@ fn count(export: &Export, values: &[Values]) -> Result<Option<usize>, Misfit> {
                 return Err(Misfit(format!(
                     "`{name}` has {before} values and `{}` has {points}; give every parameter that changes from \
                      point to point the same number of values",
-                    parameter.name
+                    argument.name
                 )));
             }
             Some(_) => {}
-            None => found = Some((&parameter.name, points)),
+            None => found = Some((&argument.name, points)),
         }
     }
     Ok(found.map(|(_, points)| points))
 }
 
-/// `at: vec3 (at.x, at.y, at.z)`, `time: real`.
+/// `at: vec3 (at.x, at.y, at.z)`, `time: real`, the box `r: real` (r.start, r.end).
 #[must_use]
-pub fn describe(parameter: &Parameter) -> String {
-    let columns = parameter.ty.columns(&parameter.name);
+pub fn describe(argument: &Argument) -> String {
+    let columns: Vec<&str> = argument.columns.iter().map(|c| c.name.as_str()).collect();
+    let what = match argument.role {
+        Role::Point => "",
+        Role::Box => "the box ",
+        Role::Direction => "the direction ",
+    };
     match columns.as_slice() {
-        [only] if *only == parameter.name => format!("`{}: {}`", parameter.name, parameter.ty),
-        _ => format!("`{}: {}` ({})", parameter.name, parameter.ty, columns.join(", ")),
+        [only] if *only == argument.name => format!("{what}`{}: {}`", argument.name, argument.ty),
+        _ => format!("{what}`{}: {}` ({})", argument.name, argument.ty, columns.join(", ")),
     }
 }
 
-/// What an export takes, for messages.
+/// What an evaluation takes, for messages.
 #[must_use]
-pub fn takes(export: &Export) -> String {
-    if export.parameters.is_empty() {
+pub fn takes(interface: &Interface<'_>) -> String {
+    if interface.arguments.is_empty() {
         return "it takes no parameters".to_owned();
     }
-    let parameter = |p: &Parameter| match &p.default {
-        Some(default) => format!("{} with default {}", describe(p), value(&p.ty, default)),
-        None => describe(p),
+    let argument = |a: &Argument| {
+        let parameter = interface.export.parameters.get(a.parameter);
+        match parameter.and_then(|p| Some((p, p.default.as_ref()?))) {
+            Some((p, default)) if a.role != Role::Direction => {
+                format!("{} with default {}", describe(a), value(&p.ty, default))
+            }
+            _ => describe(a),
+        }
     };
-    let parameters: Vec<String> = export.parameters.iter().map(parameter).collect();
-    format!("it takes {}", parameters.join(", "))
+    let arguments: Vec<String> = interface.arguments.iter().map(argument).collect();
+    format!("it takes {}", arguments.join(", "))
 }
 
 /// Why a number cannot be a scalar of this kind.
@@ -155,7 +232,7 @@ pub fn parse(kind: ScalarKind, text: &str) -> Result<f64, &'static str> {
 
 #[cfg(test)]
 mod tests {
-    use isograd_compiler::Type;
+    use isograd_compiler::{Parameter, Type};
 
     use super::*;
 
@@ -169,6 +246,10 @@ mod tests {
         }
     }
 
+    fn plain(export: &Export) -> Interface<'_> {
+        Interface::of(export, &[Query::Value])
+    }
+
     fn varying(columns: &[&[f64]]) -> Values {
         Values { rate: Rate::Varying, columns: columns.iter().map(|c| c.to_vec()).collect() }
     }
@@ -180,7 +261,8 @@ mod tests {
     #[test]
     fn values_take_the_order_of_the_parameters() {
         let inputs =
-            Inputs::of(&export(), named(varying(&[&[1.0, 2.0], &[3.0, 4.0]]), Values::uniform(&[5.0]))).unwrap();
+            Inputs::of(&plain(&export()), named(varying(&[&[1.0, 2.0], &[3.0, 4.0]]), Values::uniform(&[5.0])))
+                .unwrap();
         assert_eq!(inputs.points, 2);
         assert_eq!(inputs.values[0].columns, [[1.0, 2.0], [3.0, 4.0]]);
         assert_eq!(inputs.values[1].rate, Rate::Uniform);
@@ -188,9 +270,11 @@ mod tests {
 
     #[test]
     fn if_nothing_varies_the_first_parameter_does_with_one_point() {
-        let inputs = Inputs::of(&export(), named(Values::uniform(&[1.0, 2.0]), Values::uniform(&[5.0]))).unwrap();
+        let inputs =
+            Inputs::of(&plain(&export()), named(Values::uniform(&[1.0, 2.0]), Values::uniform(&[5.0]))).unwrap();
         assert_eq!((inputs.points, inputs.values[0].rate), (1, Rate::Varying));
-        let inputs = Inputs::of(&export(), named(Values::uniform(&[1.0, 2.0]), varying(&[&[5.0, 6.0]]))).unwrap();
+        let inputs =
+            Inputs::of(&plain(&export()), named(Values::uniform(&[1.0, 2.0]), varying(&[&[5.0, 6.0]]))).unwrap();
         assert_eq!((inputs.points, inputs.values[0].rate), (2, Rate::Uniform));
     }
 
@@ -199,21 +283,21 @@ mod tests {
         let mut export = export();
         export.parameters[1].default = Some(vec![7.0]);
         let at = || ("at".to_owned(), varying(&[&[1.0, 2.0], &[3.0, 4.0]]));
-        let inputs = Inputs::of(&export, vec![at()]).unwrap();
+        let inputs = Inputs::of(&plain(&export), vec![at()]).unwrap();
         assert_eq!((inputs.points, &inputs.values[1]), (2, &Values::uniform(&[7.0])));
-        let given = Inputs::of(&export, vec![at(), ("n".to_owned(), Values::uniform(&[5.0]))]).unwrap();
+        let given = Inputs::of(&plain(&export), vec![at(), ("n".to_owned(), Values::uniform(&[5.0]))]).unwrap();
         assert_eq!(given.values[1], Values::uniform(&[5.0]));
-        let missing = Inputs::of(&export, vec![("n".to_owned(), Values::uniform(&[5.0]))]).unwrap_err().0;
+        let missing = Inputs::of(&plain(&export), vec![("n".to_owned(), Values::uniform(&[5.0]))]).unwrap_err().0;
         assert_eq!(missing, "no value for the parameter `at: vec2` (at.x, at.y)");
-        assert_eq!(takes(&export), "it takes `at: vec2` (at.x, at.y), `n: int` with default 7");
+        assert_eq!(takes(&plain(&export)), "it takes `at: vec2` (at.x, at.y), `n: int` with default 7");
         export.parameters[0].default = Some(vec![0.5, 1.5]);
-        let all = Inputs::of(&export, Vec::new()).unwrap();
+        let all = Inputs::of(&plain(&export), Vec::new()).unwrap();
         assert_eq!((all.points, all.values[0].rate), (1, Rate::Varying));
     }
 
     #[test]
     fn what_does_not_fit_is_named() {
-        let misfit = |named| Inputs::of(&export(), named).unwrap_err().0;
+        let misfit = |named| Inputs::of(&plain(&export()), named).unwrap_err().0;
         assert_eq!(
             misfit(vec![("n".to_owned(), Values::uniform(&[1.0]))]),
             "no value for the parameter `at: vec2` (at.x, at.y)"

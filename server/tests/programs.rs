@@ -368,6 +368,49 @@ async fn health_says_live_and_ready_until_the_store_is_gone() {
 }
 
 #[tokio::test]
+async fn a_mode_and_its_sensitivity_are_fields() {
+    let directory = TempDir::new();
+    let client = Client::over(&directory.0);
+    let id = client.id("export fn f(x: real) -> real { abs(x) }").await;
+    let at_zero = |more: serde_json::Value| {
+        let mut body = json!({ "query": ["value", "hessian(x)"], "inputs": { "x": 0 } });
+        body.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        client.evaluate(&id, body)
+    };
+    for (more, value, slope) in [
+        (json!({}), 0.0, 0.0),
+        (json!({ "differentiability": "exact" }), 0.0, 0.0),
+        (json!({ "differentiability": "smooth" }), 0.000_693_147_2, 1000.0),
+        (json!({ "differentiability": "smooth", "sensitivity": 1000 }), std::f64::consts::LN_2, 1.0),
+    ] {
+        let answer = at_zero(more).await;
+        assert_eq!(answer.status, 200, "{}", answer.json());
+        let found = [rows(&answer.json(), 0).concat()[0], rows(&answer.json(), 1).concat()[0]];
+        assert!((found[0] - value).abs() < 1e-5 * value.max(1e-9), "{found:?}");
+        assert!((found[1] - slope).abs() < 1e-4 * slope.max(1e-9), "{found:?}");
+    }
+    for (more, said) in [
+        (json!({ "differentiability": "rough" }), "exact, strict, smooth"),
+        (json!({ "differentiability": "smooth", "sensitivity": 0 }), "above 0"),
+    ] {
+        let problem = at_zero(more).await.problem(422, "invalid-request");
+        assert!(problem["detail"].as_str().unwrap().contains(said), "{problem}");
+    }
+    let module = |query: &str| format!("/v1/programs/{id}/module.wasm?{query}");
+    let mut ids = Vec::new();
+    for query in ["", "differentiability=smooth", "differentiability=smooth&sensitivity=2"] {
+        let answer = client.get(&module(query)).await;
+        assert_eq!(answer.status, 200);
+        ids.push(answer.headers["etag"].clone());
+    }
+    assert!(ids[0] != ids[1] && ids[1] != ids[2] && ids[0] != ids[2], "{ids:?}");
+    let spelled_out = client.get(&module("differentiability=smooth&sensitivity=1.0")).await;
+    assert_eq!(spelled_out.headers["etag"], ids[1], "1 is the default");
+    // A sensitivity that nothing would use is refused by the compiler.
+    assert_eq!(at_zero(json!({ "sensitivity": 2 })).await.status, 422);
+}
+
+#[tokio::test]
 async fn both_ways_of_derivatives_agree() {
     let directory = TempDir::new();
     let client = Client::over(&directory.0);
@@ -397,4 +440,21 @@ async fn both_ways_of_derivatives_agree() {
         let detail = problem["detail"].as_str().unwrap();
         assert!(detail.contains("mode `backward`") && detail.contains("auto, forward, reverse"), "{detail}");
     }
+}
+
+#[tokio::test]
+async fn a_report_of_kinks_names_those_that_occur() {
+    let directory = TempDir::new();
+    let client = Client::over(&directory.0);
+    let id = client.id("export fn f(x: real) -> real { max(abs(x), 1.0) }").await;
+    let body = json!({ "query": ["kinks(x, 0.5)"], "inputs": { "x": [0.25, -1.5] } });
+    let answer = client.evaluate(&id, body).await;
+    assert_eq!(answer.status, 200, "{}", answer.json());
+    let output = &answer.json()["outputs"][0];
+    assert_eq!(output["columns"], json!(["near", "distance", "kink", "side"]));
+    // Where 1 is chosen, that |x| has a crease does not matter.
+    assert_eq!(output["rows"], json!([[false, 0.75, 1, -1], [true, 0.5, 1, 1]]));
+    assert_eq!(output["kinks"].as_array().unwrap().len(), 1);
+    assert_eq!(output["kinks"][0]["kink"], 1);
+    assert_eq!(output["kinks"][0]["operation"], "max");
 }

@@ -2,7 +2,9 @@
 
 #![allow(dead_code, clippy::pedantic, reason = "shared by programs of which each uses a part")]
 
-use isograd_compiler::{Artefact, Column, ColumnType, DerivativeMode, Derivatives, Manifest, Port, Rate};
+use isograd_compiler::{
+    Artefact, Column, ColumnType, DerivativeMode, Derivatives, Differentiability, Manifest, Port, Rate, Role,
+};
 use isograd_graph::{Builder, Mode, NodeId, Precision, Scalar, Unwatched, verify};
 use isograd_wasm::{Options, Plan, Slot, Split, Vectors};
 
@@ -29,7 +31,18 @@ pub fn artefact(
             name: name.to_owned(),
             ty: slot.scalar.to_string(),
             rate: if slot.varying { Rate::Varying } else { Rate::Uniform },
-            columns: vec![Column { name: name.to_owned(), scalar, offset: slot.offset, default: None, range: None }],
+            role: Role::Point,
+            jumps: Vec::new(),
+            kinks: Vec::new(),
+            columns: vec![Column {
+                name: name.to_owned(),
+                scalar,
+                offset: slot.offset,
+                default: None,
+                within: None,
+                range: None,
+                zero: false,
+            }],
         }
     };
     // An id of its own for every module: the runtime's cache goes by it.
@@ -45,9 +58,13 @@ pub fn artefact(
         block: layout.block,
         pad: layout.pad,
         memory: layout.memory,
+        scratch: layout.scratch,
         operations: facts.operations as u32,
         unbounded: facts.long_loop,
         derivatives: Derivatives { mode: DerivativeMode::Forward, forward: None, reverse: None },
+        differentiability: Differentiability::Exact,
+        sensitivity: None,
+        specialised: None,
     };
     Artefact { bytes: module.bytes, manifest, warnings: Vec::new() }
 }
