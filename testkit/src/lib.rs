@@ -8,11 +8,14 @@
 pub mod corpus;
 pub mod differences;
 pub mod dual;
+pub mod exact;
+pub mod hyperdual;
 pub mod laws;
 pub mod library;
 pub mod models;
 pub mod points;
 pub mod programs;
 pub mod random;
+pub mod soundness;
 #[cfg(feature = "run")]
 pub mod wasm;

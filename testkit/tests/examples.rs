@@ -6,8 +6,8 @@ mod support;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use isograd_compiler::{Checked, DerivativeMode, Precision, Query};
-use isograd_graph::Value;
+use isograd_compiler::{Checked, DerivativeMode, Differentiability, Number, Precision, Query, Request, Sensitivity};
+use isograd_graph::{Unwatched, Value};
 use isograd_testkit::points::in_box;
 use support::{Graphs, Sweep, Varying};
 
@@ -18,12 +18,29 @@ const EXAMPLES: &[(&str, &[f64])] = &[
     ("fractal.vola", &[5.0, 2.0]),
     ("along_curve.vola", &[0.7]),
     ("edge_sharpness.vola", &[]),
+    ("bevelled_union.vola", &[]),
     ("ranged_parameters.vola", &[1.0, 1.5, 0.1, 0.2, 0.3, 2.0]),
     ("thesis/sphere.vola", &[]),
     ("thesis/hard_union.vola", &[]),
     ("thesis/smooth_union.vola", &[]),
     ("thesis/blob.vola", &[]),
 ];
+
+/// Examples of queries, each with numbers of its own.
+const QUERIES: &[&str] = &[
+    "queries/directional.vola",
+    "queries/enclosure.vola",
+    "queries/kinks.vola",
+    "queries/smooth.vola",
+    "queries/specialise.vola",
+    "queries/strict.vola",
+    "queries/third_derivative.vola",
+];
+
+/// All examples.
+fn names() -> impl Iterator<Item = &'static str> {
+    EXAMPLES.iter().map(|(name, _)| *name).chain(QUERIES.iter().copied())
+}
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples")
@@ -36,7 +53,7 @@ fn source(name: &str) -> String {
 #[test]
 fn the_list_is_complete() {
     let mut found = Vec::new();
-    for sub in ["", "thesis"] {
+    for sub in ["", "thesis", "queries"] {
         for entry in fs::read_dir(folder().join(sub)).expect("the folder") {
             let path = entry.expect("an entry").path();
             if path.extension().is_some_and(|e| e == "vola") {
@@ -45,14 +62,14 @@ fn the_list_is_complete() {
         }
     }
     for name in &found {
-        assert!(EXAMPLES.iter().any(|(n, _)| n == name), "{name} is not tested");
+        assert!(names().any(|n| n == name), "{name} is not tested");
     }
-    assert_eq!(found.len(), EXAMPLES.len());
+    assert_eq!(found.len(), names().count());
 }
 
 #[test]
 fn each_compiles_without_a_diagnostic_and_says_how_to_run_it() {
-    for (name, _) in EXAMPLES {
+    for name in names() {
         let text = source(name);
         assert!(
             text.starts_with("//") && text.contains(&format!("isograd eval examples/{name}")),
@@ -262,4 +279,132 @@ fn the_bracket_grows_where_its_parameters_do() {
             ("sensitivity", &[1.2, 1.0, 0.1, 1.0, 1.5, 0.1, 0.2, 0.3, 2.0], &[1.0, 0.0, 0.0, 0.0, 0.0]),
         ],
     );
+}
+
+/// A request for some queries of an export.
+fn request(export: &str, queries: &[&str]) -> Request {
+    let queries = queries.iter().map(|q| q.parse().expect("a query")).collect();
+    Request { export: export.to_owned(), queries, ..Request::default() }
+}
+
+/// The same in the mode `smooth`.
+fn smooth(request: Request, sensitivity: &str) -> Request {
+    let sensitivity: Sensitivity = sensitivity.parse().expect("a sensitivity");
+    Request { differentiability: Differentiability::Smooth, sensitivity: Some(sensitivity), ..request }
+}
+
+/// Rows of a request, whose inputs are all real, and what they must be, to 2e-6 of their size; a truth value is 0 or 1.
+fn expect_answers(name: &str, request: &Request, rows: &[(&[f64], &[f64])]) {
+    let checked = support::check_ok(&source(name));
+    for (point, expected) in rows {
+        let row = support::evaluated(&checked, request, &[point.iter().map(|x| Value::Real(*x)).collect()]);
+        let row = row.expect("an artefact").remove(0);
+        let near = |a: f64, b: f64| (a - b).abs() <= 2e-6 * b.abs().max(1.0);
+        let all = row.iter().zip(*expected).all(|(a, b)| near(support::number(*a), *b));
+        assert!(all && row.len() == expected.len(), "{name} at {point:?}: {row:?}, not {expected:?}");
+    }
+}
+
+#[test]
+fn a_disc_is_enclosed_and_grows_no_faster_than_its_gradient() {
+    let name = "queries/enclosure.vola";
+    let far: &[f64] = &[4.0, 32f64.sqrt() - 1.0, 0.0, 1.28f64.sqrt(), 0.0];
+    let around: &[f64] = &[-1.0, 2f64.sqrt() - 1.0, 0.0, 2f64.sqrt(), 0.0];
+    let asked = request("field", &["bound(at)", "lipschitz(at)"]);
+    expect_answers(name, &asked, &[(&[3.0, 4.0, 4.0, 4.0], far), (&[-1.0, 1.0, -1.0, 1.0], around)]);
+    expect_answers(name, &request("empty", &["value"]), &[(&[3.0, 4.0, 0.5], &[1.0]), (&[0.0, 1.5, 0.75], &[0.0])]);
+}
+
+#[test]
+fn polar_coordinates_along_directions() {
+    let across: (&[f64], &[f64]) = (&[3.0, 4.0, -4.0, 3.0], &[0.0, 1.0]);
+    let outwards: (&[f64], &[f64]) = (&[3.0, 4.0, 3.0, 4.0], &[5.0, 0.0]);
+    expect_answers("queries/directional.vola", &request("polar", &["directional(at)"]), &[across, outwards]);
+}
+
+#[test]
+fn a_union_tells_where_it_has_no_gradient() {
+    let (five, aside) = (5f64.sqrt(), 4.25f64.sqrt());
+    let asked = request("pair", &["value", "gradient(at)", "kinks(at)"]);
+    // Kink 2 is `min`, after the two lengths.
+    let in_the_middle: &[f64] = &[five - 1.0, 1.0 / five, 2.0 / five, 0.0, 1.0, 0.0, 2.0, 0.0];
+    let beside: &[f64] = &[aside - 1.0, -0.5 / aside, 2.0 / aside, 0.0, 0.0, 2.5 - aside, 2.0, 1.0];
+    expect_answers("queries/kinks.vola", &asked, &[(&[0.0, 2.0, 0.0], in_the_middle), (&[0.5, 2.0, 0.0], beside)]);
+}
+
+#[test]
+fn a_range_proves_that_a_derivative_exists() {
+    let name = "queries/strict.vola";
+    let strict = |export| Request {
+        differentiability: Differentiability::Strict,
+        ..request(export, &["value", "gradient(x)", "hessian(x)"])
+    };
+    expect_answers(name, &strict("beside"), &[(&[2.0], &[1.5, 1.0, 0.0])]);
+    let checked = support::check_ok(&source(name));
+    let refused = support::evaluated(&checked, &strict("slab"), &[vec![Value::Real(2.0)]]);
+    assert!(refused.as_ref().is_err_and(|e| e.starts_with("E0703")), "{refused:?}");
+    expect_answers(name, &request("slab", &["value", "gradient(x)"]), &[(&[2.0], &[1.5, 1.0])]);
+}
+
+#[test]
+fn a_smooth_crease_has_a_width() {
+    let name = "queries/smooth.vola";
+    let asked = request("crease", &["value", "gradient(x)", "hessian(x)"]);
+    let at = |x: f64| [(2.0 * x).exp().ln_1p() - x, x.tanh(), x.cosh().powi(-2)];
+    expect_answers(name, &smooth(asked.clone(), "1000"), &[(&[0.0], &at(0.0)), (&[0.5], &at(0.5))]);
+    expect_answers(name, &asked, &[(&[0.0], &[0.0; 3]), (&[0.5], &[0.5, 1.0, 0.0])]);
+}
+
+#[test]
+fn one_ball_is_left_in_its_box() {
+    let name = "queries/specialise.vola";
+    let [lo, hi] = [[4.0, -1.0, -1.0], [6.0, 1.0, 1.0]];
+    let ends = lo.iter().zip(hi).map(|(lo, hi)| [Number(*lo), Number(hi)]).collect();
+    let whole = request("row", &["value", "gradient(at)"]);
+    let inside = Request { within: [("at".to_owned(), ends)].into(), ..whole.clone() };
+    let checked = support::check_ok(&source(name));
+    let manifest = |request| {
+        isograd_compiler::compile(&checked, request, &support::options(), &Unwatched).expect("an artefact").manifest
+    };
+    let (all, left) = (manifest(&whole), manifest(&inside));
+    assert!(3 * left.operations <= all.operations, "{left:?}");
+    assert!(left.specialised.is_some_and(|s| s.to < s.from) && all.specialised.is_none(), "{left:?}");
+    for point in in_box(&[(4.0, 6.0), (-1.0, 1.0), (-1.0, 1.0)], 50, 0x0150_97ad) {
+        let point = [point.iter().map(|x| Value::Real(Precision::F32.round(*x))).collect()];
+        let bits = |request| support::evaluated(&checked, request, &point).expect("an artefact").remove(0);
+        assert!(bits(&whole).iter().zip(bits(&inside)).all(|(a, b)| a.same_bits(b)), "{point:?}");
+    }
+    expect_answers(name, &inside, &[(&[5.5, 0.0, 0.0], &[-0.5, 1.0, 0.0, 0.0])]);
+}
+
+#[test]
+fn third_derivatives_by_indexing() {
+    let (x, y, z) = (1.0, 2.0, 3.0);
+    let by_x = [0.0, 4.0 * y * z, 2.0 * y * y];
+    let by_y = [4.0 * y * z, 4.0 * x * z, 4.0 * x * y];
+    let by_z = [2.0 * y * y, 4.0 * x * y, 0.0];
+    let expected = [by_x, by_y, by_z].concat();
+    expect_answers("queries/third_derivative.vola", &request("third", &["value"]), &[(&[x, y, z], &expected)]);
+}
+
+#[test]
+fn edges_have_a_bend_where_they_have_a_width() {
+    let name = "bevelled_union.vola";
+    // A face of the cube near its edge, the top of the ball, and below the bevel.
+    let [face, ball, bevel] = [[0.75, 0.745, 0.5], [0.0, 1.25, 0.0], [0.56, 0.79, 0.0]];
+    let radius = (0.56f64 * 0.56 + 0.04 * 0.04).sqrt();
+    let exact = [(&face[..], &[0.0][..]), (&ball, &[2.0]), (&bevel, &[0.5f64.sqrt() / radius])];
+    expect_answers(name, &request("sharpness", &["value"]), &exact);
+    let checked = support::check_ok(&source(name));
+    let bend = |request: &Request, point: &[f64]| {
+        let row = support::evaluated(&checked, request, &[point.iter().map(|x| Value::Real(*x)).collect()]);
+        support::number(row.expect("an artefact")[0][0])
+    };
+    let smoothed = smooth(request("sharpness", &["value"]), "10");
+    let approximated = request("approximated", &["value"]);
+    // By the edge both see one. Further in the largest of three zeros is all that smoothing leaves: w·ln 3 for w = 0.01.
+    assert!(bend(&smoothed, &face) > 30.0 && bend(&approximated, &face) > 30.0);
+    let inside = [0.75, 0.6, 0.5];
+    assert!((bend(&smoothed, &inside) - 0.01 * 3f64.ln()).abs() < 1e-4, "{}", bend(&smoothed, &inside));
+    assert!(bend(&approximated, &inside) > 0.1, "{}", bend(&approximated, &inside));
 }

@@ -9,7 +9,7 @@
 //! //= gradient(p): 1,2 => 3    the result of a query
 //! //! E0506 E0506              codes that must be among the diagnostics; W codes do not stop the program
 //! //! only E0201 W0701         the same, and there is no other error
-//! //? E1101 intervals          not supported yet: must answer with this code, until it is, when the case fails
+//! //% smooth 1                  the whole case in the mode `smooth` with that sensitivity
 //! ```
 
 mod support;
@@ -17,7 +17,7 @@ mod support;
 use std::process::ExitCode;
 use std::str::FromStr;
 
-use isograd_compiler::{Checked, DerivativeMode, Diagnostic, Precision, Query, Unwatched, inspect};
+use isograd_compiler::{Checked, DerivativeMode, Diagnostic, Precision, Query, Sensitivity, Unwatched, inspect};
 use isograd_graph::Value;
 use isograd_program::typed::Function;
 use isograd_testkit::corpus;
@@ -27,17 +27,14 @@ use support::{Graphs, Sweep, Varying};
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let cases: Vec<Case> = corpus::language().iter().map(parse).collect();
-    let pending: Vec<&str> = cases.iter().filter(|c| c.pending.is_some()).map(|c| c.name.as_str()).collect();
     let rows = |c: &Case| c.checks.iter().map(|k| k.rows.len()).sum::<usize>();
     println!(
-        "{} programs: {} with {} rows of results, {} with diagnostics, {} not supported yet",
+        "{} programs: {} with {} rows of results, {} with diagnostics",
         cases.len(),
-        cases.iter().filter(|c| c.pending.is_none() && !c.checks.is_empty()).count(),
-        cases.iter().filter(|c| c.pending.is_none()).map(rows).sum::<usize>(),
+        cases.iter().filter(|c| !c.checks.is_empty()).count(),
+        cases.iter().map(rows).sum::<usize>(),
         cases.iter().filter(|c| !c.codes.is_empty()).count(),
-        pending.len(),
     );
-    println!("not supported yet: {}", pending.join(", "));
     let trials = cases.into_iter().map(|case| Trial::test(case.name.clone(), move || run(&case))).collect();
     libtest_mimic::run(&arguments, trials).exit_code()
 }
@@ -50,8 +47,8 @@ struct Case {
     codes: Vec<String>,
     /// Whether no other errors are allowed.
     only: bool,
-    /// The code that says it is not supported yet.
-    pending: Option<String>,
+    /// The sensitivity, if the mode is `smooth`.
+    smooth: Option<Sensitivity>,
 }
 
 /// Points of one query of one export, and its results there.
@@ -68,7 +65,7 @@ fn parse(case: &corpus::Case) -> Case {
         checks: Vec::new(),
         codes: Vec::new(),
         only: false,
-        pending: None,
+        smooth: None,
     };
     let mut export = "f";
     for line in case.text.lines() {
@@ -82,7 +79,10 @@ fn parse(case: &corpus::Case) -> Case {
                 parsed.only |= codes.is_some();
                 parsed.codes.extend(codes.unwrap_or(rest).split_whitespace().map(str::to_owned));
             }
-            "//?" => parsed.pending = rest.split_whitespace().next().map(str::to_owned),
+            "//%" => match rest.strip_prefix("smooth ").map(str::parse) {
+                Some(Ok(sensitivity)) => parsed.smooth = Some(sensitivity),
+                _ => fail("no mode and sensitivity"),
+            },
             "//=" => {
                 let (query, row) = rest.split_once(": ").unwrap_or(("value", rest));
                 let query = Query::from_str(query).unwrap_or_else(|e| fail(&e.to_string()));
@@ -124,9 +124,6 @@ fn run(case: &Case) -> Result<(), Failed> {
         }
     }
 
-    if let Some(code) = &case.pending {
-        return if found.contains(&code.as_str()) { Ok(()) } else { Err(format!("no {code}: {}", all()).into()) };
-    }
     for code in &case.codes {
         let demanded = case.codes.iter().filter(|c| *c == code).count();
         if found.iter().filter(|c| *c == code).count() < demanded {
@@ -149,7 +146,7 @@ fn run(case: &Case) -> Result<(), Failed> {
         let function = support::export(&checked, &check.export);
         for precision in [Precision::F32, Precision::F64] {
             for (sweep, mode) in SWEEPS {
-                verify(&checked, function, check, precision, (sweep, mode)).map_err(|e| {
+                verify(&checked, function, check, precision, (sweep, mode), case.smooth).map_err(|e| {
                     let (query, export, precision) = (&check.query, &check.export, precision.name());
                     format!("{query} of `{export}` in {precision}, {}: {e}", mode.name())
                 })?;
@@ -170,6 +167,7 @@ fn verify(
     check: &Check,
     precision: Precision,
     (sweep, mode): (Sweep, DerivativeMode),
+    smooth: Option<Sensitivity>,
 ) -> Result<(), String> {
     let kinds = support::inputs(function);
     let mut points = Vec::new();
@@ -180,17 +178,18 @@ fn verify(
         points.push(kinds.iter().zip(point).map(|(k, x)| support::value(*k, *x, precision)).collect::<Vec<_>>());
     }
     let queries = std::slice::from_ref(&check.query);
-    let graphs = Graphs::of(checked, &check.export, queries, precision, sweep).map_err(|e| support::listed(&e))?;
+    let graphs = Graphs::in_mode(checked, &check.export, queries, precision, sweep, smooth);
+    let graphs = graphs.map_err(|e| support::listed(&e))?;
     let emitted = graphs.emitted(&points);
     expect("reference before kernels", check, &graphs.oracle(&points))?;
     expect("reference of what is emitted", check, &emitted)?;
 
-    let together = support::wasm(checked, function, queries, precision, mode, Varying::All, &points)?;
+    let request = |varying| support::smooth(support::request(function, queries, precision, mode, varying), smooth);
+    let together = support::evaluated(checked, &request(Varying::All), &points)?;
     expect("WebAssembly", check, &together)?;
     same_bits("WebAssembly", &together, "the reference", &emitted)?;
     for (i, point) in points.iter().enumerate() {
-        let alone =
-            support::wasm(checked, function, queries, precision, mode, Varying::First, std::slice::from_ref(point))?;
+        let alone = support::evaluated(checked, &request(Varying::First), std::slice::from_ref(point))?;
         same_bits("a point alone, the other parameters uniform", &alone, "all points", &together[i..=i])?;
     }
     Ok(())

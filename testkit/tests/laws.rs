@@ -1,5 +1,11 @@
 //! The laws over the whole table of operations and over random graphs. `ISOGRAD_GRAPHS=20` takes twenty times as many
-//! random graphs as usual.
+//! random graphs as usual. The long form, in which forward sweep, reverse sweep and reference agree on 10,200 random
+//! graphs, and third derivatives in any mixture of sweeps on 10,080:
+//!
+//! ```sh
+//! ISOGRAD_GRAPHS=34 cargo test --release --test laws dual_numbers -- --nocapture
+//! ISOGRAD_GRAPHS=63 cargo test --release --test oracles random_graphs -- --nocapture
+//! ```
 
 #![allow(clippy::pedantic, reason = "tests")]
 
@@ -11,9 +17,9 @@ use isograd_transform::Sweep;
 
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
 
-/// `n` seeds of random graphs, more in the long form.
 const SWEEPS: [Sweep; 2] = [Sweep::Forward, Sweep::Reverse];
 
+/// `n` seeds of random graphs, more in the long form.
 fn seeds(from: u64, n: u64) -> std::ops::Range<u64> {
     let times = std::env::var("ISOGRAD_GRAPHS").ok().and_then(|x| x.parse().ok()).unwrap_or(1);
     from..from + n * times
@@ -60,6 +66,9 @@ fn operands(op: Op, precision: Precision) -> Vec<Vec<Value>> {
         Value::Real(x) => Value::Real(precision.round(x)),
         other => other,
     };
+    if op.is_partial() {
+        rows.retain(|row| matches!(row.first(), Some(Value::Real(x)) if *x > 0.0 && x.is_finite()));
+    }
     rows.extend(in_domain(op.def(), 200, 12).into_iter().map(|row| row.into_iter().map(round).collect()));
     rows
 }
@@ -91,6 +100,16 @@ fn every_operation_keeps_the_conventions_through_the_pipeline() {
     }
     println!("at_kinks: {all:?}");
     assert!(all.judged > 300);
+}
+
+#[test]
+fn every_kink_is_where_the_table_says() {
+    let mut all = Count::default();
+    for op in Op::ALL {
+        all += holds(laws::kink(*op, op.def(), 40, 9));
+    }
+    println!("kink: {all:?}");
+    assert!(all.judged > 2000);
 }
 
 #[test]

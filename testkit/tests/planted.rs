@@ -1,11 +1,17 @@
-//! Mistakes planted in copies of the op table: the derivative law must catch each of them. Were one to pass, the law
-//! would be worth nothing for that rule.
+//! Mistakes planted in copies of the op table: the laws must catch each of them. Were one to pass, the law would be worth
+//! nothing for that rule. What was planted and which law caught it stands in `docs/mutations.md`, which
+//! `ISOGRAD_BLESS=1 cargo test --release --test planted` writes.
 
 #![allow(clippy::pedantic, reason = "tests")]
 
+#[path = "planted/enclosures.rs"]
+mod enclosures;
+#[path = "planted/page.rs"]
+mod page;
+
 use std::cell::Cell;
 
-use isograd_graph::ops::{Derivative, Partial, Rule};
+use isograd_graph::ops::{Derivative, Discriminant, Kink, Partial, Rule};
 use isograd_graph::{Builder, NodeId, Op, OpDef, Scalar};
 use isograd_testkit::laws;
 
@@ -27,6 +33,8 @@ enum Mistake {
     /// f′², as if the rule had been applied twice.
     Squared,
 }
+
+const OPERANDS: [&str; 4] = ["a", "b", "c", "d"];
 
 const MISTAKES: [Mistake; 7] = [
     Mistake::Negated,
@@ -108,50 +116,52 @@ fn is_caught(op: Op, derivative: Derivative) -> bool {
     laws::derivative(op, &def, 40, 7).is_err()
 }
 
-#[test]
-fn every_mistake_in_a_partial_is_caught() {
-    let (mut planted, mut missed) = (0, Vec::new());
+/// A mistake in the rules of an operation, and the law that caught it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Planted {
+    op: Op,
+    mistake: String,
+    /// The law that caught it, or why nothing could.
+    law: Result<&'static str, &'static str>,
+}
+
+/// Mistakes in partial derivatives, one at a time.
+fn partials() -> Vec<Planted> {
+    let mut all = Vec::new();
     for op in Op::ALL {
         let Derivative::Partials(partials) = op.def().derivative else { continue };
-        let mut row = Vec::new();
         for k in 0..partials.len() {
             for mistake in MISTAKES {
                 let Some(wrong) = with_mistake(partials, k, mistake) else { continue };
                 let mut altered = partials.to_vec();
                 altered[k] = wrong;
-                planted += 1;
-                row.push(format!("{mistake:?}({k})"));
-                if !is_caught(*op, Derivative::Partials(altered.leak())) {
-                    missed.push(format!("{op}: {mistake:?} by operand {k}"));
-                }
+                let caught = is_caught(*op, Derivative::Partials(altered.leak()));
+                let law = if caught { Ok("derivative") } else { Err("missed") };
+                all.push(Planted { op: *op, mistake: format!("{mistake:?}({})", OPERANDS[k]), law });
             }
         }
-        println!("{:>10}: {}", op.to_string(), row.join(" "));
     }
-    println!("{planted} mistakes planted, {} missed", missed.len());
-    assert!(missed.is_empty(), "{missed:#?}");
-    assert!(planted > 180, "{planted}");
+    all
 }
 
-#[test]
-fn wrong_choices_are_caught() {
-    let mut planted = 0;
+/// Mistakes in the choices of `min`, `max` and the selections.
+fn choices() -> Vec<Planted> {
+    let mut all = Vec::new();
     for op in Op::ALL {
         let Derivative::Choice { cond, then, otherwise } = op.def().derivative else { continue };
         let wrong = [
-            Derivative::Choice { cond, then: otherwise, otherwise: then },
-            Derivative::Choice { cond, then, otherwise: then },
-            Derivative::Choice { cond, then: otherwise, otherwise },
-            Derivative::Choice { cond: inverted(*op), then, otherwise },
-            Derivative::Zero,
+            ("Exchanged", Derivative::Choice { cond, then: otherwise, otherwise: then }),
+            ("Always", Derivative::Choice { cond, then, otherwise: then }),
+            ("Never", Derivative::Choice { cond, then: otherwise, otherwise }),
+            ("Inverted", Derivative::Choice { cond: inverted(*op), then, otherwise }),
+            ("Dropped", Derivative::Zero),
         ];
-        for derivative in wrong {
-            planted += 1;
-            assert!(is_caught(*op, derivative.clone()), "{op}: {derivative:?}");
+        for (mistake, derivative) in wrong {
+            let law = if is_caught(*op, derivative) { Ok("derivative") } else { Err("missed") };
+            all.push(Planted { op: *op, mistake: mistake.to_owned(), law });
         }
     }
-    println!("{planted} wrong choices planted");
-    assert!(planted >= 15, "{planted}");
+    all
 }
 
 type Condition = fn(&mut Builder<'_>, &[NodeId]) -> NodeId;
@@ -162,6 +172,52 @@ fn inverted(op: Op) -> Condition {
         Op::Min => |b, args| b.lt(args[0], args[1]),
         Op::Max => |b, args| b.lt(args[1], args[0]),
         _ => |b, args| b.not(args[0]),
+    }
+}
+
+thread_local! {
+    /// The discriminant that `shifted` shifts.
+    static DISCRIMINANT: Cell<Option<Discriminant>> = const { Cell::new(None) };
+}
+
+fn shifted(b: &mut Builder<'_>, args: &[NodeId]) -> NodeId {
+    let off = DISCRIMINANT.get().expect("set before use")(b, args);
+    let shift = b.real(0.03);
+    b.sub(off, shift)
+}
+
+/// Kinks nowhere, everywhere and beside where they are.
+fn kinks() -> Vec<Planted> {
+    let nowhere: Discriminant = |b, _| b.real(1.0);
+    let everywhere: Discriminant = |b, _| b.real(0.0);
+    let mut all = Vec::new();
+    for op in Op::ALL {
+        let Kink::Where { set, measure, slopes, jumps, discriminant } = op.def().kink else { continue };
+        DISCRIMINANT.set(Some(discriminant));
+        for (mistake, wrong) in [("Nowhere", nowhere), ("Everywhere", everywhere), ("Shifted", shifted)] {
+            let kink = Kink::Where { set, measure, slopes, jumps, discriminant: wrong };
+            let caught = laws::kink(*op, &OpDef { kink, ..op.def().clone() }, 40, 9).is_err();
+            let law = if caught { Ok("kink") } else { Err("missed") };
+            all.push(Planted { op: *op, mistake: mistake.to_owned(), law });
+        }
+    }
+    all
+}
+
+/// Slopes on the wrong sides, and kinks that are not declared at all.
+#[test]
+fn kinks_of_the_wrong_kind_are_caught() {
+    for op in Op::ALL {
+        let Kink::Where { set, measure, slopes, jumps, discriminant } = op.def().kink else { continue };
+        let exchanged = [slopes[2], slopes[1], slopes[0]];
+        if matches!(op, Op::Abs | Op::Min | Op::Max) {
+            let kink = Kink::Where { set, measure, slopes: exchanged, jumps, discriminant };
+            assert!(laws::kink(*op, &OpDef { kink, ..op.def().clone() }, 40, 9).is_err(), "{op}: {exchanged:?}");
+        }
+    }
+    // Vertical slopes at an end of the domain are not looked for along lines.
+    for op in [Op::Abs, Op::Min, Op::Max, Op::Floor, Op::Fract, Op::Mod, Op::Sign, Op::Atan2, Op::Lt, Op::RealToInt] {
+        assert!(laws::kink(op, &OpDef { kink: Kink::None, ..op.def().clone() }, 40, 9).is_err(), "{op}");
     }
 }
 
@@ -255,5 +311,19 @@ fn derivatives_where_there_are_none_are_caught() {
 fn the_table_itself_passes() {
     for op in Op::ALL {
         laws::derivative(*op, op.def(), 40, 7).unwrap_or_else(|failure| panic!("{failure}"));
+        enclosures::passes(*op);
     }
+}
+
+#[test]
+fn every_mistake_is_caught() {
+    let lists = [partials(), choices(), kinks(), enclosures::mistakes()];
+    println!("{:?} mistakes in partials, choices, kinks, enclosures", lists.each_ref().map(Vec::len));
+    assert!(lists.iter().zip([180, 15, 75, 800]).all(|(list, least)| list.len() >= least));
+    let all = lists.concat();
+    let missed: Vec<String> =
+        all.iter().filter(|p| p.law == Err("missed")).map(|p| format!("{}: {}", p.op, p.mistake)).collect();
+    println!("{missed:#?}");
+    page::check(&page::written(&all)).unwrap_or_else(|why| panic!("{why}"));
+    assert!(missed.is_empty(), "{} of {} are missed", missed.len(), all.len());
 }

@@ -13,7 +13,7 @@
 
 mod rules;
 
-use isograd_graph::ops::Kink;
+use isograd_graph::ops::{Kink, discriminant};
 use isograd_graph::{Graph, Node, NodeId, Op, Scalar, Value};
 
 use crate::points::Random;
@@ -237,7 +237,9 @@ impl Machine<'_> {
             Node::Int(x) => self.set(at, Cell::Int(x)),
             Node::Bool(x) => self.set(at, Cell::Bool(x)),
             Node::Fresh(x) => self.set(at, self.cell(x)),
-            Node::Diff { .. } => return None,
+            Node::Diff { .. } | Node::Within { .. } | Node::Bound { .. } => return None,
+            // Made by the reverse sweep, which this is an oracle of.
+            Node::Tape { .. } | Node::Recall { .. } => return None,
             Node::Apply(op, args) => {
                 let operands: Vec<Cell> = args.as_slice().iter().map(|x| self.cell(*x)).collect();
                 for (place, x) in self.arithmetic.dependent.iter_mut().zip(args.as_slice()) {
@@ -337,11 +339,11 @@ impl Arithmetic {
     /// One operation: value and derivatives by the rules of this module's own, doubt by the table's discriminants.
     fn apply(&mut self, op: Op, operands: &[Cell]) -> Cell {
         let active = operands.iter().any(|x| matches!(x, Cell::Real(jet) if jet.is_active()));
-        if active && let Kink::Where { discriminant, .. } = op.def().kink {
+        if active && matches!(op.def().kink, Kink::Where { .. }) {
             let reals: Vec<f64> = operands.iter().map(|x| x.jet().value).collect();
             let size = reals.iter().fold(1.0_f64, |most, x| most.max(x.abs()));
             // `!(>)`: a NaN is doubtful too.
-            let far = discriminant(&reals).abs() > NEAR * size;
+            let far = discriminant(op, &reals).abs() > NEAR * size;
             self.doubtful |= !far;
         }
         let result = rules::apply(self, op, operands);

@@ -46,6 +46,11 @@ pub const fn is_constant(op: Op) -> bool {
     matches!(op, Op::Floor | Op::Ceil | Op::Trunc | Op::Round | Op::Sign | Op::IntToReal)
 }
 
+/// 1/(1 + e⁻ᵘ).
+fn logistic(u: f64) -> f64 {
+    1.0 / (1.0 + (-u).exp())
+}
+
 /// Applies an operation. Operands of other kinds than the operation has count as 0, false or NaN.
 pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
     let real = |i: usize| x.get(i).map_or(Jet::constant(f64::NAN), |c| c.jet());
@@ -57,12 +62,15 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
     let truth = |i: usize| x.get(i) == Some(&Cell::Bool(true));
     let (u, v) = (value(0), value(1));
     match op {
-        Op::Add => rounded(run, [real(0), real(1)], Local::two(u + v, [1.0, 1.0], [0.0; 3])),
+        // Directed rounding: the exact result is the same.
+        Op::Add | Op::AddDown | Op::AddUp => rounded(run, [real(0), real(1)], Local::two(u + v, [1.0, 1.0], [0.0; 3])),
         Op::Sub => rounded(run, [real(0), real(1)], Local::two(u - v, [1.0, -1.0], [0.0; 3])),
-        Op::Mul => rounded(run, [real(0), real(1)], Local::two(u * v, [v, u], [0.0, 1.0, 0.0])),
-        Op::Div => rounded(run, [real(0), real(1)], quotient(u, v)),
+        Op::Mul | Op::MulDown | Op::MulUp => {
+            rounded(run, [real(0), real(1)], Local::two(u * v, [v, u], [0.0, 1.0, 0.0]))
+        }
+        Op::Div | Op::DivDown | Op::DivUp => rounded(run, [real(0), real(1)], quotient(u, v)),
         Op::Neg => linear(run, real(0), -1.0),
-        Op::Sqrt => rounded(run, [real(0)], sqrt(u)),
+        Op::Sqrt | Op::SqrtDown | Op::SqrtUp => rounded(run, [real(0)], sqrt(u)),
         Op::InverseSqrt => {
             let r = 1.0 / u.sqrt();
             rounded(run, [real(0)], Local::of(r, -0.5 * r / u, 0.75 * r / (u * u)).rough(2.0))
@@ -73,6 +81,15 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
         }
         Op::Min => chosen(run, v < u, real(1), real(0)),
         Op::Max => chosen(run, u < v, real(1), real(0)),
+        Op::Fract => {
+            run.decide(u.floor().to_bits());
+            linear_to(run, real(0), u - u.floor(), 1.0)
+        }
+        Op::Mod => {
+            let whole = (u / v).floor();
+            run.decide(whole.to_bits());
+            rounded(run, [real(0), real(1)], Local::two(u - v * whole, [1.0, -whole], [0.0; 3]))
+        }
         Op::Floor => jump(run, u.floor()),
         Op::Ceil => jump(run, u.ceil()),
         Op::Trunc => jump(run, u.trunc()),
@@ -140,6 +157,29 @@ pub fn apply(run: &mut Arithmetic, op: Op, x: &[Cell]) -> Cell {
             let s = (1.0 - u) * (1.0 + u);
             rounded(run, [real(0)], Local::of(u.atanh(), 1.0 / s, 2.0 * u / (s * s)).cancelling(2.0 / (s * s)))
         }
+        Op::Softplus => {
+            let (share, rest) = (logistic(u), logistic(-u));
+            rounded(run, [real(0)], Local::of(u.max(0.0) + (-u.abs()).exp().ln_1p(), share, share * rest))
+        }
+        Op::Sigmoid => {
+            let (share, rest) = (logistic(u), logistic(-u));
+            let slope = share * rest;
+            rounded(run, [real(0)], Local::of(share, slope, slope * (rest - share)).cancelling(slope))
+        }
+        Op::Rounded => linear(run, real(0), 1.0),
+        Op::NextDown => linear_to(run, real(0), u.next_down(), 1.0),
+        Op::NextUp => linear_to(run, real(0), u.next_up(), 1.0),
+        Op::Below | Op::Lowered => {
+            // What these give of a zero is not said.
+            run.doubtful |= truth(1) && u == 0.0;
+            linear_to(run, real(0), if truth(1) { u.next_down() } else { u }, 1.0)
+        }
+        Op::Above | Op::Raised => {
+            run.doubtful |= truth(1) && u == 0.0;
+            linear_to(run, real(0), if truth(1) { u.next_up() } else { u }, 1.0)
+        }
+        Op::ProductBelow | Op::WideProductBelow => truth_of(run, u.mul_add(v, -value(2)) < 0.0),
+        Op::WideProductAbove => truth_of(run, 0.0 < u.mul_add(v, -value(2))),
         Op::Copysign => {
             let side = if v.is_sign_negative() { -1.0 } else { 1.0 };
             let slope = direction(run, u) * side;

@@ -4,7 +4,7 @@
 //! The definition is an argument, so that an altered one can be judged. Its rules are built into a raw graph here and
 //! run by the reference evaluator: neither `differentiate` nor the rest of the pipeline takes part.
 
-use isograd_graph::ops::{Derivative, Kink, Partial};
+use isograd_graph::ops::{Derivative, Kink, Partial, discriminant};
 use isograd_graph::{Builder, Evaluator, Graph, Mode, NodeId, Op, OpDef, Precision, Scalar, Unwatched, Value};
 
 use super::{Count, Failure, Judgement, real, show};
@@ -47,7 +47,23 @@ pub fn derivative(op: Op, def: &OpDef, points: usize, seed: u64) -> Judgement {
 #[must_use]
 pub fn kink_points(op: Op, seed: u64) -> Vec<Vec<Value>> {
     let def = op.def();
-    let Kink::Where { discriminant, .. } = def.kink else { return Vec::new() };
+    if matches!(def.kink, Kink::None) {
+        return Vec::new();
+    }
+    let mut rows = special_points(def, seed);
+    rows.retain(|row| {
+        let reals: Vec<f64> = row.iter().map(|v| real(*v)).collect();
+        // The convention of the term with ln 0 holds for exponents too at which `pow` is differentiable.
+        let limit = op == Op::Pow && matches!(reals[..], [a, b] if a == 0.0 && b >= 1.0);
+        // Multiples of what is so small lie closer together than differences can be taken.
+        let dense = op == Op::Mod && matches!(reals[..], [_, b] if b.abs() < 1e-6);
+        limit || (discriminant(op, &reals) == 0.0 && !dense)
+    });
+    rows
+}
+
+/// All rows of some candidates per operand, among which there are some of each kink.
+pub(super) fn special_points(def: &OpDef, seed: u64) -> Vec<Vec<Value>> {
     let mut random = Random::new(seed);
     let (r, s) = (random.within((0.1, 3.0)), random.within((0.1, 3.0)));
     let reals = [0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 7.5, r, -r, s, 1e-200];
@@ -61,12 +77,7 @@ pub fn kink_points(op: Op, seed: u64) -> Vec<Vec<Value>> {
             Scalar::Bool => vec![Value::Bool(false), Value::Bool(true)],
         })
         .collect();
-    let mut rows = grid(&candidates, 30_000);
-    rows.retain(|row| {
-        let reals: Vec<f64> = row.iter().map(|v| real(*v)).collect();
-        discriminant(&reals) == 0.0
-    });
-    rows
+    grid(&candidates, 30_000)
 }
 
 /// Whether a definition says that the result does not depend on operand `k`.
@@ -93,7 +104,7 @@ fn applied(b: &mut Builder<'_>, op: Op) -> (Vec<NodeId>, NodeId) {
 }
 
 /// A raw graph whose outputs are the partial derivatives that a definition says.
-fn rules(op: Op, def: &OpDef) -> Graph {
+pub(super) fn rules(op: Op, def: &OpDef) -> Graph {
     let mut b = Builder::new(Mode::Raw, 1000, &Unwatched);
     let (args, result) = applied(&mut b, op);
     let (zero, one, minus) = (b.real(0.0), b.real(1.0), b.real(-1.0));
@@ -173,18 +184,24 @@ impl Law<'_> {
         }
     }
 
+    /// How much nearer the kink comes for a step of an operand, at least 1: of `mod` it is as fast as a/b is large.
+    fn approach(&self, reals: &[f64], k: usize) -> f64 {
+        let mut moved = reals.to_vec();
+        let step = 1e-7 * (1.0 + reals[k].abs());
+        moved[k] += step;
+        let slope = (discriminant(self.op, &moved) - discriminant(self.op, reals)) / step;
+        if slope.is_finite() { slope.abs().max(1.0) } else { 1.0 }
+    }
+
     /// Away from kinks the rules agree with differences.
     fn difference(&mut self, point: &[Value]) -> Result<(), Failure> {
         let reals: Vec<f64> = point.iter().map(|v| real(*v)).collect();
-        let distance = match self.def.kink {
-            Kink::None => f64::INFINITY,
-            Kink::Where { discriminant, .. } => discriminant(&reals).abs(),
-        };
+        let distance = discriminant(self.op, &reals).abs();
         let said = self.said(point);
         for k in self.real_operands() {
             let x = reals[k];
             // Far enough inside the domain that poles at its ends do not come near.
-            let step = (x.abs() / 4.0).clamp(1e-4, 0.125).min(distance / 2.0);
+            let step = (x.abs() / 4.0).clamp(1e-4, 0.125).min(distance / (2.0 * self.approach(&reals, k)));
             let estimate =
                 if step > 1e-7 { central(self.line(point, k), x, step) } else { central(|_| f64::NAN, x, 1.0) };
             let tolerance = 4.0 * estimate.error + 1e-12 * said[k].abs();

@@ -6,8 +6,13 @@ mod batches;
 #[cfg(feature = "run")]
 mod bits;
 mod derivative;
+pub mod enclosed_graph;
+pub mod enclosure;
 mod front;
+mod higher;
+mod kink;
 mod pipeline;
+mod transposed;
 
 use std::fmt;
 use std::ops::AddAssign;
@@ -20,7 +25,10 @@ pub use batches::batches;
 pub use bits::{finished, finished_equals_raw, kernels_of, neighbours, optimised_equals_plain, wasm_equals_reference};
 pub use derivative::{derivative, kink_points};
 pub use front::{checked, elaborated, parsed, structured};
+pub use higher::higher_derivatives;
+pub use kink::kink;
 pub use pipeline::{at_kinks, derivative_by_values, expanded_derivatives, oracles_agree, pipeline_derivative};
+pub use transposed::transposed;
 
 /// How many comparisons a law made, and how many it could not make.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -79,7 +79,7 @@ fn expanded(graph: &Graph, asked: &[Asked], sweep: Sweep) -> Result<Graph, Failu
     let text = || isograd_graph::print(graph);
     let derived = derive(graph, &wanted, MANY, &Unwatched).map_err(|e| Failure::new("derive", text(), e))?;
     let derived = verifier_accepts("derive", derived)?.into_inner();
-    let graph = differentiate(derived, sweep, 6, MANY, &Unwatched);
+    let graph = differentiate(derived, sweep, isograd_graph::Precision::F32, 6, MANY, &Unwatched);
     let graph = graph.map_err(|e| Failure::new("differentiate", text(), format!("{sweep:?}: {e}")))?;
     Ok(verifier_accepts("differentiate", graph)?.into_inner())
 }
@@ -137,7 +137,8 @@ pub fn derivative_by_values(seed: u64, shape: &Shape, points: &[Vec<Value>], swe
     }
     let full = b.finish().map_err(|e| Failure::new(LAW, isograd_graph::print(&graph), e))?;
     let text = isograd_graph::print(&full);
-    let full = differentiate(full, sweep, 6, MANY, &Unwatched).map_err(|e| Failure::new(LAW, &text, e))?;
+    let full = differentiate(full, sweep, isograd_graph::Precision::F32, 6, MANY, &Unwatched)
+        .map_err(|e| Failure::new(LAW, &text, e))?;
     let full = verifier_accepts("differentiate", full)?.into_inner();
     let mut evaluator = Evaluator::new(&full, Precision::F64);
     let mut count = Count::default();

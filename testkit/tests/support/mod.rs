@@ -1,22 +1,24 @@
 //! What the tests of the language and of the standard library share: a program is taken through the pipeline and
 //! evaluated in three independent ways. Knows nothing of files and of what is expected.
 
-#![allow(dead_code, reason = "each test binary uses a part")]
+#![allow(dead_code, unused_imports, reason = "each test binary uses a part")]
 
 mod wasm;
 
 use std::fmt::Write as _;
 
-use isograd_compiler::{Checked, DerivativeMode, Diagnostic, MemoryLoader, Options, Precision, Query, Wrt};
+use isograd_compiler::{
+    Checked, DerivativeMode, Diagnostic, MemoryLoader, Options, Precision, Query, Sensitivity, Wrt,
+};
 use isograd_elaborate::elaborate;
 use isograd_graph::{Evaluator, Graph, Unwatched, Value};
 use isograd_program::typed::Function;
 use isograd_program::{ScalarKind, Type};
 use isograd_testkit::differences::{Estimate, Side, central, one_sided};
 pub use isograd_transform::Sweep;
-use isograd_transform::{Wanted, derive, differentiate, fold, kernels, optimise, schedule};
+use isograd_transform::{Wanted, Width, derive, differentiate, fold, kernels, optimise, schedule};
 
-pub use wasm::{Varying, wasm};
+pub use wasm::{Varying, evaluated, request, smooth, wasm};
 
 /// Options under which every transform's result is verified.
 pub fn options() -> Options {
@@ -91,13 +93,29 @@ impl Graphs {
         precision: Precision,
         sweep: Sweep,
     ) -> Result<Self, Vec<Diagnostic>> {
+        Self::in_mode(checked, name, queries, precision, sweep, None)
+    }
+
+    /// The same, in the mode `smooth` if there is a sensitivity.
+    pub fn in_mode(
+        checked: &Checked,
+        name: &str,
+        queries: &[Query],
+        precision: Precision,
+        sweep: Sweep,
+        sensitivity: Option<Sensitivity>,
+    ) -> Result<Self, Vec<Diagnostic>> {
         const NODES: usize = 4_000_000;
         let program = checked.program.as_ref().expect("a program without errors");
         let id = *program.exports.iter().find(|id| program.functions[id.0 as usize].name == name).expect("the export");
         let raw = elaborate(program, id, &options().limits, &Unwatched)?.graph;
+        let raw = match sensitivity.map(|s| Width::of(s.get(), precision).expect("a width")) {
+            Some(width) => isograd_transform::smooth(&raw, width, NODES, &Unwatched).expect("within the budget").graph,
+            None => raw,
+        };
         let wanted = wanted(&program.functions[id.0 as usize], queries);
         let derived = derive(&raw, &wanted, NODES, &Unwatched).expect("within the budget");
-        let plain = differentiate(derived, sweep, 6, NODES, &Unwatched)
+        let plain = differentiate(derived, sweep, isograd_graph::Precision::F32, 6, NODES, &Unwatched)
             .map_err(|e| vec![Diagnostic::global(isograd_compiler::Code::E0705, format!("{e:?}"))])?;
         let folded = fold(&plain, precision, NODES, &Unwatched).expect("within the budget");
         let expanded = kernels(&folded, precision, NODES, &Unwatched).expect("within the budget");
@@ -153,6 +171,7 @@ fn wanted(function: &Function, queries: &[Query]) -> Vec<Wanted> {
                     );
                 }
             }
+            other => panic!("{other}: no list of derivatives"),
         }
     }
     let name = |i: usize| format!("out{i}");

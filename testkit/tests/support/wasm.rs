@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-use isograd_compiler::{Checked, ColumnType, DerivativeMode, Precision, Query, Rate, Request};
+use isograd_compiler::{
+    Checked, ColumnType, DerivativeMode, Differentiability, Precision, Query, Rate, Request, Sensitivity,
+};
 use isograd_graph::{Unwatched, Value};
 use isograd_program::typed::Function;
 use isograd_runtime::{EvalOptions, Runtime, Values};
@@ -35,6 +37,14 @@ pub fn request(
     Request { export: function.name.clone(), queries: queries.to_vec(), precision, mode, rates, ..Request::default() }
 }
 
+/// The same in the mode `smooth`, if there is a sensitivity.
+pub fn smooth(request: Request, sensitivity: Option<Sensitivity>) -> Request {
+    match sensitivity {
+        Some(_) => Request { differentiability: Differentiability::Smooth, sensitivity, ..request },
+        None => request,
+    }
+}
+
 /// The flattened outputs of all queries at points, each of which has the values of all inputs.
 pub fn wasm(
     checked: &Checked,
@@ -45,8 +55,12 @@ pub fn wasm(
     varying: Varying,
     points: &[Vec<Value>],
 ) -> Result<Vec<Vec<Value>>, String> {
-    let request = request(function, queries, precision, mode, varying);
-    let artefact = isograd_compiler::compile(checked, &request, &super::options(), &Unwatched);
+    evaluated(checked, &request(function, queries, precision, mode, varying), points)
+}
+
+/// The flattened outputs of a request at points.
+pub fn evaluated(checked: &Checked, request: &Request, points: &[Vec<Value>]) -> Result<Vec<Vec<Value>>, String> {
+    let artefact = isograd_compiler::compile(checked, request, &super::options(), &Unwatched);
     let artefact = artefact.map_err(|e| super::listed(&e))?;
     let kernel = RUNTIME.load(&artefact).map_err(|e| e.to_string())?;
 
