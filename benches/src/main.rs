@@ -4,6 +4,7 @@
 //! `cargo run --release -p isograd-benches` takes about a minute; `--quick` a few seconds, with less certain figures.
 #![allow(clippy::print_stdout, reason = "the table is what this program is for")]
 
+mod derivatives;
 mod http;
 mod measure;
 mod models;
@@ -70,7 +71,11 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         in_cache(&models, Asked::Gradient, effort)?,
         in_bulk(&models, many, effort)?,
     ];
+    sections.push(derivatives::transform(&models, effort)?);
     if arguments.only.is_none() {
+        sections.push(derivatives::growth(effort)?);
+        sections.push(derivatives::ratios(effort)?);
+        sections.extend(derivatives::choice(Effort { rounds: effort.rounds.div_ceil(4), ..effort })?);
         sections.push(requests(&models, many, effort)?);
     }
     print!("{}", report::text(&sections));

@@ -202,7 +202,7 @@ impl Steps {
 /// A model of exactly so many operations in the manner of a drawing in CSG: clusters of balls, blocks, rings and
 /// half-spaces, each cluster around its own centre and with coordinates that its parts share, joined, cut and
 /// intersected in pairs, as a tree of operations would be evaluated.
-fn generated(operations: usize, seed: u64) -> Steps {
+pub fn generated(operations: usize, seed: u64) -> Steps {
     /// More than a cluster with its joins takes; more than a part takes.
     const CLUSTER: usize = 320;
     const PART: usize = 40;

@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use isograd_compiler::{Artefact, MemoryLoader, Options, Query, Request, Watch, check, compile, render};
+use isograd_compiler::{
+    Artefact, Checked, Diagnostic, MemoryLoader, Options, Query, Request, Unwatched, Watch, check, compile, print_step,
+    render,
+};
 use isograd_runtime::{Instance, Kernel, Runtime};
 
 use crate::models::Model;
@@ -15,6 +18,57 @@ pub enum Asked {
     Value,
     /// The value and the three partial derivatives.
     Gradient,
+}
+
+/// A program and a request.
+pub struct Job {
+    pub checked: Checked,
+    pub request: Request,
+    pub options: Options,
+}
+
+impl Job {
+    /// Asks a program's `field`.
+    pub fn new(name: &str, text: &str, queries: Vec<Query>) -> Self {
+        Self::within(name, text, queries, Options::default())
+    }
+
+    /// As [`new`](Self::new), without the limits on sizes that a service sets.
+    pub fn unlimited(name: &str, text: &str, queries: Vec<Query>) -> Self {
+        let mut options = Options::default();
+        let limits = &mut options.limits;
+        for limit in [
+            &mut limits.source_bytes,
+            &mut limits.total_source_bytes,
+            &mut limits.graph_nodes,
+            &mut limits.derived_nodes,
+            &mut limits.export_scalars,
+        ] {
+            *limit = u64::MAX;
+        }
+        Self::within(name, text, queries, options)
+    }
+
+    fn within(name: &str, text: &str, queries: Vec<Query>, options: Options) -> Self {
+        let checked = check(name, text.as_bytes().to_vec(), &MemoryLoader::default(), &options, &Unwatched);
+        Self { checked, request: Request { export: "field".to_owned(), queries, ..Request::default() }, options }
+    }
+
+    /// The artefact.
+    pub fn compiled(&self, watch: &dyn Watch) -> Result<Artefact, Failure> {
+        compile(&self.checked, &self.request, &self.options, watch).map_err(|errors| self.failure(&errors))
+    }
+
+    /// The nodes of the graph that a step leaves.
+    pub fn nodes(&self, step: &str) -> Result<usize, Failure> {
+        let text = print_step(&self.checked, &self.request, step, &self.options, &Unwatched);
+        let text = text.map_err(|errors| self.failure(&errors))?;
+        Ok(text.lines().filter(|line| line.trim_start().starts_with('%')).count())
+    }
+
+    fn failure(&self, errors: &[Diagnostic]) -> Failure {
+        render::terminal(errors, &self.checked.files, false).into()
+    }
 }
 
 /// Compiles a model, from its text.
@@ -45,6 +99,19 @@ impl Ours {
         for (axis, column) in points.iter().enumerate() {
             for (place, x) in instance.input::<f32>(axis).iter_mut().zip(column) {
                 *place = *x;
+            }
+        }
+        Ok(Self { kernel, instance })
+    }
+
+    /// Loads an artefact and fills each input column: its name and a point's index give an element.
+    pub fn filled(artefact: &Artefact, fill: &dyn Fn(&str, usize) -> f32) -> Result<Self, Failure> {
+        let kernel = Runtime::default().load(artefact)?;
+        let mut instance = kernel.instance()?;
+        let names = artefact.manifest.inputs.iter().flat_map(|port| &port.columns).map(|column| &column.name);
+        for (index, name) in names.enumerate() {
+            for (point, place) in instance.input::<f32>(index).iter_mut().enumerate() {
+                *place = fill(name, point);
             }
         }
         Ok(Self { kernel, instance })
