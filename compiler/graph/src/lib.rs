@@ -39,6 +39,7 @@ mod kernels;
 mod numbers;
 pub mod ops;
 mod reference;
+mod structure;
 mod text;
 mod verify;
 
@@ -48,6 +49,7 @@ pub use graph::{Args, Graph, Input, Node, NodeId, Origin, Output, Part};
 pub use numbers::{Precision, Scalar, Value};
 pub use ops::{Op, OpDef};
 pub use reference::{Evaluator, evaluate};
+pub use structure::{PerNode, Structure, Unready, Work};
 pub use text::{ParseError, parse, print};
 pub use verify::{Verified, VerifyError, verify};
 

@@ -87,11 +87,19 @@ impl<'g> Evaluator<'g> {
 
     /// The outputs at one point. `None` if it took more than a thousand million steps.
     pub fn run(&mut self, inputs: &[Value]) -> Option<Vec<Value>> {
+        self.run_watched(inputs, |_, _| {})
+    }
+
+    /// As [`Evaluator::run`]; `seen` is shown each value that a node gets, in every iteration of the loops around it.
+    /// What a carried variable gets is shown at the nodes that give it.
+    pub fn run_watched(&mut self, inputs: &[Value], mut seen: impl FnMut(NodeId, Value)) -> Option<Vec<Value>> {
         self.steps_left = 1_000_000_000;
         let mut at = NodeId(0);
         while let Some(node) = self.graph.get(at) {
             self.steps_left = self.steps_left.checked_sub(1)?;
-            at = self.step(at, node, inputs);
+            let next = self.step(at, node, inputs);
+            seen(at, self.value(at));
+            at = next;
         }
         Some(self.graph.outputs.iter().map(|o| self.round(self.value(o.node))).collect())
     }

@@ -6,10 +6,14 @@
 use std::cmp::Ordering;
 
 use dashu_float::{FBig, round::mode::Zero};
-use isograd_graph::{Builder, Evaluator, Graph, Mode, Node, NodeId, Op, Precision, Scalar, Unwatched, Value, ops};
+use isograd_graph::ops::Family;
+use isograd_graph::{Builder, Evaluator, Graph, Mode, Node, NodeId, Op, Precision, Scalar, Unwatched, Value};
 
 const INF: f64 = f64::INFINITY;
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
+/// The two families differ in f32 only.
+const KINDS: [(Precision, Family); 3] =
+    [(Precision::F32, Family::Lanes), (Precision::F64, Family::Lanes), (Precision::F32, Family::Shader)];
 const PAIRS: [(Op, Op); 4] =
     [(Op::AddDown, Op::AddUp), (Op::MulDown, Op::MulUp), (Op::DivDown, Op::DivUp), (Op::SqrtDown, Op::SqrtUp)];
 #[rustfmt::skip]
@@ -47,17 +51,17 @@ impl Random {
     }
 }
 
-/// A graph of one operation, its fragment expanded until only lanes are left.
-fn graph(op: Op, p: Precision) -> Graph {
+/// A graph of one operation, its fragment expanded as far as a family of targets wants it.
+fn graph(op: Op, p: Precision, family: Family) -> Graph {
     let mut b = Builder::new(Mode::Raw, 1000, &Unwatched);
     let args: Vec<NodeId> = op.def().operands.iter().map(|s| b.input("x", *s)).collect();
     let result = b.op(op, &args);
     b.output("result", result);
-    in_lanes(b.finish().unwrap(), p)
+    expanded(b.finish().unwrap(), p, family)
 }
 
-/// A graph of one result, with fragments expanded until only lanes are left.
-fn in_lanes(mut graph: Graph, p: Precision) -> Graph {
+/// A graph of one result, with fragments expanded until only instructions are left.
+fn expanded(mut graph: Graph, p: Precision, family: Family) -> Graph {
     loop {
         let mut expanded = false;
         let mut b = Builder::new(Mode::Real(p), 1000, &Unwatched);
@@ -70,12 +74,12 @@ fn in_lanes(mut graph: Graph, p: Precision) -> Graph {
                 Node::Bool(x) => b.bool(x),
                 Node::Apply(op, args) => {
                     let args: Vec<NodeId> = args.as_slice().iter().map(|a| to[a.index()]).collect();
-                    match op.def().lowering {
-                        ops::Lowering::Fragment(fragment) => {
+                    match op.def().fragment(family) {
+                        Some(fragment) => {
                             expanded = true;
                             fragment(&mut b, &args, p)
                         }
-                        ops::Lowering::Lanes { .. } => b.op(op, &args),
+                        None => b.op(op, &args),
                     }
                 }
                 other => panic!("{other:?}"),
@@ -197,9 +201,9 @@ fn structured(p: Precision, stride: u64) -> Vec<f64> {
     all
 }
 
-fn sweep(p: Precision, stride: u64, other_stride: u64, random: u32) {
+fn sweep((p, family): (Precision, Family), stride: u64, other_stride: u64, random: u32) {
     for pair in PAIRS {
-        let (one, other) = (graph(pair.0, p), graph(pair.1, p));
+        let (one, other) = (graph(pair.0, p, family), graph(pair.1, p, family));
         let (mut down, mut upward) = (Evaluator::new(&one, p), Evaluator::new(&other, p));
         let seconds = if pair.0 == Op::SqrtDown { vec![1.0] } else { structured(p, other_stride) };
         for x in structured(p, stride) {
@@ -218,26 +222,33 @@ fn sweep(p: Precision, stride: u64, other_stride: u64, random: u32) {
 
 #[test]
 fn f32_has_the_one_right_answer() {
-    sweep(Precision::F32, 1, 17, 400_000);
+    sweep(KINDS[0], 1, 17, 400_000);
+}
+
+/// Without f64 beside it.
+#[test]
+fn f32_of_shaders_has_the_one_right_answer() {
+    sweep(KINDS[2], 1, 17, 400_000);
 }
 
 #[test]
 fn f64_has_the_one_right_answer() {
-    sweep(Precision::F64, 61, 173, 30_000);
+    sweep(KINDS[1], 61, 173, 30_000);
 }
 
 /// The long form.
 #[test]
 #[ignore = "minutes"]
 fn many_pairs_have_the_one_right_answer() {
-    sweep(Precision::F32, 1, 3, 10_000_000);
-    sweep(Precision::F64, 13, 61, 1_000_000);
+    sweep(KINDS[0], 1, 3, 10_000_000);
+    sweep(KINDS[2], 1, 3, 10_000_000);
+    sweep(KINDS[1], 13, 61, 1_000_000);
 }
 
 #[test]
 fn neighbours_are_neighbours() {
     for p in PRECISIONS {
-        let (down, above) = (graph(Op::NextDown, p), graph(Op::NextUp, p));
+        let (down, above) = (graph(Op::NextDown, p, Family::Lanes), graph(Op::NextUp, p, Family::Lanes));
         let (mut down, mut above) = (Evaluator::new(&down, p), Evaluator::new(&above, p));
         for x in structured(p, 1) {
             assert_eq!(run(&mut above, &[x]).to_bits(), up(x, p).to_bits(), "{x:e}");
@@ -255,7 +266,7 @@ fn constants_are_rounded_once_to_their_side() {
                 .map(|(s, x)| if *s == Scalar::Bool { Value::Bool(true) } else { Value::Real(p.round(x)) })
                 .collect();
             let want = (op.def().eval.at(p))(&args);
-            assert!(ops::constant(op, &args, p).unwrap().same_bits(want), "{op}");
+            assert!(isograd_graph::ops::constant(op, &args, p).unwrap().same_bits(want), "{op}");
             for mode in [Mode::Exact(p), Mode::Real(p)] {
                 let mut b = Builder::new(mode, 1000, &Unwatched);
                 let nodes: Vec<NodeId> = args.iter().map(|v| b.constant(*v)).collect();
@@ -270,7 +281,7 @@ fn constants_are_rounded_once_to_their_side() {
 #[test]
 fn known_operands_change_no_result() {
     let constants = [0.1, -3.0, 0.0, -0.0, 1e-42, 1e30, 3e38, -3e38, INF, -INF].map(Some);
-    for (p, op) in PRECISIONS.into_iter().flat_map(|p| PAIRS.map(|pair| (p, pair.0))) {
+    for ((p, family), op) in KINDS.into_iter().flat_map(|kind| PAIRS.map(|pair| (kind, pair.0))) {
         let other = PAIRS.into_iter().find(|pair| pair.0 == op).unwrap().1;
         for (op, constant) in [op, other].into_iter().flat_map(|op| {
             let none = [None, None];
@@ -285,7 +296,7 @@ fn known_operands_change_no_result() {
             };
             let result = b.op(op, &operands[..op.def().operands.len()]);
             b.output("result", result);
-            let graph = in_lanes(b.finish().unwrap(), p);
+            let graph = expanded(b.finish().unwrap(), p, family);
             let mut evaluator = Evaluator::new(&graph, p);
             let numbers = structured(p, if p == Precision::F32 { 17 } else { 211 });
             let mut seeds = Random(3);
@@ -313,8 +324,8 @@ fn known_operands_change_no_result() {
 /// Products that are next to the number they are compared with, on it and beside it.
 #[test]
 fn products_are_compared_exactly() {
-    for p in PRECISIONS {
-        let product = graph(Op::ProductBelow, p);
+    for (p, family) in KINDS {
+        let product = graph(Op::ProductBelow, p, family);
         let mut evaluator = Evaluator::new(&product, p);
         let mut seeds = Random(1);
         let numbers = structured(p, 89);

@@ -469,7 +469,7 @@ fn fragments_are_made_of_exact_operations() {
                 for (_, node) in fragment(op, mode, p).iter() {
                     match node {
                         Node::Apply(inner, _) => {
-                            let direct = matches!(inner.def().lowering, ops::Lowering::Lanes { .. });
+                            let direct = matches!(inner.def().lowering, ops::Lowering::Instructions { .. });
                             assert!(direct, "{op} contains {inner}");
                         }
                         Node::Real(bits) => {

@@ -124,7 +124,7 @@ impl Small {
     fn apply(self, op: Op, args: &[Value]) -> Value {
         assert_eq!(op.def().accuracy, Accuracy::Exact, "{op} has no meaning in a small format");
         match op.def().lowering {
-            Lowering::Lanes { .. } => self.narrow((op.def().eval.f64)(args)),
+            Lowering::Instructions { .. } => self.narrow((op.def().eval.f64)(args)),
             Lowering::Fragment(fragment) => {
                 let mut b = Builder::new(Mode::Raw, 1000, &Unwatched);
                 let inputs: Vec<NodeId> = op.def().operands.iter().map(|s| b.input("x", *s)).collect();

@@ -1,6 +1,6 @@
 //! Three steps that rebuild a graph: constants (`fold`), transcendental functions (`kernels`), algebra (`optimise`).
 
-use isograd_graph::ops::Lowering;
+use isograd_graph::ops::Family;
 use isograd_graph::{Exhausted, Graph, Mode, Node, Precision, Watch};
 
 use crate::copy::copy;
@@ -15,23 +15,26 @@ pub fn fold(graph: &Graph, precision: Precision, max_nodes: usize, watch: &dyn W
     copy(graph, Mode::Exact(precision), max_nodes, watch, |b, op, args| b.op(op, args))
 }
 
-/// Puts the fragments of operations that targets have no instructions for in their place, until none is left.
+/// Puts the fragments of operations that a family of targets has no instructions for in their place, until none is left.
 ///
 /// # Errors
 /// If the budget is spent.
-pub fn kernels(graph: &Graph, precision: Precision, max_nodes: usize, watch: &dyn Watch) -> Result<Graph, Exhausted> {
+pub fn kernels(
+    graph: &Graph,
+    precision: Precision,
+    family: Family,
+    max_nodes: usize,
+    watch: &dyn Watch,
+) -> Result<Graph, Exhausted> {
     let pass = |graph: &Graph| {
-        copy(graph, Mode::Real(precision), max_nodes, watch, |b, op, args| match op.def().lowering {
-            // Constant operands fold through the same fragment.
-            Lowering::Fragment(fragment) if args.iter().any(|x| b.value(*x).is_none()) => fragment(b, args, precision),
+        copy(graph, Mode::Real(precision), max_nodes, watch, |b, op, args| match op.def().fragment(family) {
+            // Constant operands fold to the same bits.
+            Some(fragment) if args.iter().any(|x| b.value(*x).is_none()) => fragment(b, args, precision),
             _ => b.op(op, args),
         })
     };
     let mut graph = pass(graph)?;
-    while graph
-        .iter()
-        .any(|(_, n)| matches!(n, Node::Apply(op, _) if matches!(op.def().lowering, Lowering::Fragment(_))))
-    {
+    while graph.iter().any(|(_, n)| matches!(n, Node::Apply(op, _) if op.def().fragment(family).is_some())) {
         graph = pass(&graph)?;
     }
     Ok(graph)

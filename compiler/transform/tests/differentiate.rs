@@ -1,9 +1,12 @@
 //! Differentiation of hand-made graphs: the rules of LANGUAGE 13 that need no source text.
 
+mod support;
+
 use isograd_graph::{
     Builder, Graph, Mode, NodeId, Op, Origin, Precision, Scalar, Unwatched, Value, evaluate, print, verify,
 };
-use isograd_transform::{DifferentiateError, Sweep, Wanted, derive, differentiate, fold, kernels, optimise, schedule};
+use isograd_transform::{DifferentiateError, Sweep, Wanted, derive, differentiate, fold, optimise, schedule};
+use support::lane_kernels;
 
 const MANY: usize = 1_000_000;
 
@@ -39,7 +42,7 @@ fn expand(graph: Graph, sweep: Sweep) -> Graph {
 fn finish(graph: &Graph) -> Graph {
     let p = Precision::F64;
     let mut graph = verify(fold(graph, p, MANY, &Unwatched).unwrap()).unwrap().into_inner();
-    for step in [kernels, optimise, schedule] {
+    for step in [lane_kernels, optimise, schedule] {
         graph = verify(step(&graph, p, MANY, &Unwatched).unwrap()).unwrap().into_inner();
     }
     graph

@@ -1,7 +1,10 @@
 //! The report of kinks on hand-made graphs: what is on the path taken, how far it is, on which side the point lies.
 
+mod support;
+
 use isograd_graph::{Builder, Graph, Mode, NodeId, Op, Precision, Scalar, Unwatched, Value, evaluate, print, verify};
-use isograd_transform::{KinkPlace, KinkReport, Sweep, differentiate, fold, kernels, kinks, optimise, schedule};
+use isograd_transform::{KinkPlace, KinkReport, Sweep, differentiate, fold, kinks, optimise, schedule};
+use support::lane_kernels;
 
 const MANY: usize = 1_000_000;
 
@@ -54,7 +57,7 @@ impl Reported {
         let plain = verify(plain).unwrap().into_inner();
         let p = Precision::F64;
         let mut finished = verify(fold(&plain, p, MANY, &Unwatched).unwrap()).unwrap().into_inner();
-        for step in [kernels, optimise, schedule] {
+        for step in [lane_kernels, optimise, schedule] {
             finished = verify(step(&finished, p, MANY, &Unwatched).unwrap()).unwrap().into_inner();
         }
         Self { plain, finished, places, results }

@@ -1,10 +1,13 @@
 //! The reverse sweep through loops: the same numbers as the forward sweep, from graphs that do not grow with the trip
 //! count and whose tapes keep to their limit.
 
+mod support;
+
 use isograd_graph::{
     Builder, Graph, Mode, Node, NodeId, Precision, Scalar, Unwatched, Value, evaluate, parse, print, verify,
 };
-use isograd_transform::{Sweep, cost, differentiate, fold, kernels, live, optimise, schedule};
+use isograd_transform::{Sweep, cost, differentiate, fold, live, optimise, schedule};
+use support::lane_kernels;
 
 const MANY: usize = 1_000_000;
 /// Bytes of a point's tapes at most, and of a scalar on them.
@@ -37,7 +40,7 @@ fn expand(graph: &Graph, sweep: Sweep) -> Graph {
 fn finish(graph: &Graph) -> Graph {
     let p = Precision::F64;
     let mut graph = verify(fold(graph, p, MANY, &Unwatched).unwrap()).unwrap().into_inner();
-    for step in [kernels, optimise, schedule] {
+    for step in [lane_kernels, optimise, schedule] {
         graph = verify(step(&graph, p, MANY, &Unwatched).unwrap()).unwrap().into_inner();
         let again = parse(&print(&graph)).unwrap();
         assert_eq!(print(&again), print(&graph));

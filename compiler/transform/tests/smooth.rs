@@ -1,10 +1,13 @@
 //! `smooth` mode on hand-made graphs (LANGUAGE 14.3): values within their bounds of the exact ones, derivatives those of
 //! the values, weights through truth values, branches and loops, and the exact operation where nothing is finite.
 
+mod support;
+
 use isograd_graph::{
     Builder, Graph, Mode, Node, NodeId, Op, Origin, Precision, Scalar, Unwatched, Value, evaluate, print, verify,
 };
-use isograd_transform::{Sweep, Width, differentiate, fold, kept_jumps, kernels, optimise, schedule, smooth};
+use isograd_transform::{Sweep, Width, differentiate, fold, kept_jumps, optimise, schedule, smooth};
+use support::lane_kernels;
 
 const MANY: usize = 1_000_000;
 const LN_2: f64 = std::f64::consts::LN_2;
@@ -50,7 +53,7 @@ impl Finished {
         let step = |graph: Graph| verify(graph).unwrap().into_inner();
         let folded = step(fold(&step(plain), precision, MANY, &Unwatched).unwrap());
         let mut scheduled = folded.clone();
-        for transform in [kernels, optimise, schedule] {
+        for transform in [lane_kernels, optimise, schedule] {
             scheduled = step(transform(&scheduled, precision, MANY, &Unwatched).unwrap());
         }
         Self { folded, scheduled, precision }

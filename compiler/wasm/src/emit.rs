@@ -3,13 +3,13 @@
 
 use std::ops::Range;
 
-use isograd_graph::{Args, Graph, Node, NodeId, Op, Precision, Scalar};
+use isograd_graph::{Args, Graph, Node, NodeId, Op, PerNode, Precision, Scalar, Unready};
 use wasm_encoder::{BlockType, MemArg, ValType};
 
 use crate::code::{AT, AT_NARROW, COUNT, Code, Locals, at};
 use crate::layout::Scratch;
 use crate::lives::{Item, Lives, Order, storage};
-use crate::rates::{PerNode, Rates, is_late, owner};
+use crate::rates::Rates;
 use crate::regions::Frame;
 use crate::segments::{Place, Segments};
 use crate::tapes::Tapes;
@@ -340,14 +340,15 @@ impl<'p> Emitter<'p> {
     }
 
     fn apply(&mut self, position: usize, id: NodeId, op: Op, args: Args) -> Result<(), EmitError> {
-        let program = lanes::program(op, self.layout.precision).ok_or(EmitError::NoLanes(op))?;
+        let program = lanes::program(op, self.layout.precision).ok_or(EmitError::from(Unready::NoInstructions(op)))?;
         self.free(position);
         let local = self.allot(id);
         for vector in 0..self.width(id) {
             for step in &program.steps {
                 match step {
                     lanes::Step::Operand(index) => {
-                        let operand = args.as_slice().get(*index).copied().ok_or(EmitError::NoLanes(op))?;
+                        let operand =
+                            args.as_slice().get(*index).copied().ok_or(EmitError::from(Unready::NoInstructions(op)))?;
                         self.push(operand, vector);
                     }
                     lanes::Step::Bytes(bytes) => self.code.raw(bytes),
@@ -462,8 +463,8 @@ impl<'p> Emitter<'p> {
 
     /// A join with operands that were computed after the branch: selects where it stands.
     fn late_join(&mut self, id: NodeId, end: NodeId, then: NodeId, otherwise: NodeId) {
-        let (then_late, otherwise_late) = (is_late(self.graph, end, then), is_late(self.graph, end, otherwise));
-        let Some(Node::Gamma { cond, .. }) = self.graph.get(owner(self.graph, end)) else { return };
+        let (then_late, otherwise_late) = (self.graph.is_late(end, then), self.graph.is_late(end, otherwise));
+        let Some(Node::Gamma { cond, .. }) = self.graph.get(self.graph.owner(end)) else { return };
         if !then_late && !otherwise_late {
             return;
         }

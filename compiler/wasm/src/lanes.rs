@@ -16,7 +16,7 @@ pub enum Step {
     Bytes(Vec<u8>),
 }
 
-/// A parsed [`Lowering::Lanes`] text: a stack program that leaves one v128.
+/// A parsed [`Lowering::Instructions`] text: a stack program that leaves one v128.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Program {
     /// Its parts in order.
@@ -42,13 +42,13 @@ fn all(precision: Precision) -> Vec<Option<Program>> {
 
 fn text(op: Op, precision: Precision) -> Option<&'static str> {
     match (&op.def().lowering, precision) {
-        (Lowering::Lanes { f32x4, .. }, Precision::F32) => Some(f32x4),
-        (Lowering::Lanes { f64x2, .. }, Precision::F64) => Some(f64x2),
+        (Lowering::Instructions { f32x4, .. }, Precision::F32) => Some(f32x4),
+        (Lowering::Instructions { f64x2, .. }, Precision::F64) => Some(f64x2),
         (Lowering::Fragment(_), _) => None,
     }
 }
 
-/// Parses a text as documented on [`Lowering::Lanes`].
+/// Parses a text as documented on [`Lowering::Instructions`].
 pub fn parse(text: &str) -> Option<Program> {
     let mut program = Program::default();
     for token in text.split_ascii_whitespace() {
@@ -188,7 +188,7 @@ mod tests {
     fn every_text_of_the_table_parses() {
         for precision in [Precision::F32, Precision::F64] {
             for op in Op::ALL {
-                let lanes = matches!(op.def().lowering, Lowering::Lanes { .. });
+                let lanes = matches!(op.def().lowering, Lowering::Instructions { .. });
                 assert_eq!(program(*op, precision).is_some(), lanes, "{op} in {}", precision.name());
             }
         }

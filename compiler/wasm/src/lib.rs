@@ -24,14 +24,13 @@ mod tapes;
 
 use std::borrow::Cow;
 
-use isograd_graph::{NodeId, Op, Precision, Verified};
+use isograd_graph::{NodeId, Precision, Unready, Verified, Work};
 use wasm_encoder::{
     CodeSection, CustomSection, ExportKind, ExportSection, FunctionSection, MemorySection, MemoryType, TypeSection,
     ValType,
 };
 
 pub use layout::{Layout, Slot};
-pub use pressure::Facts;
 pub use segments::Split;
 
 /// The custom section that holds the manifest.
@@ -72,21 +71,15 @@ pub struct Module {
     /// Where its columns lie.
     pub layout: Layout,
     /// What its compilation and its calls may take.
-    pub facts: Facts,
+    pub work: Work,
 }
 
 /// Why a graph was not emitted. All but the limits are mistakes of the compiler, not of its user.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum EmitError {
-    /// The graph is not ready: `fresh` or `diff`.
-    #[error("node %{} should have been expanded before emission", .0.0)]
-    Unexpanded(NodeId),
-    /// An operation without a lane lowering, or with a wrong one.
-    #[error("the operation {0} has no instructions and should have been expanded before emission")]
-    NoLanes(Op),
-    /// A carried variable is to become a value that is computed after the loop.
-    #[error("final %{} names a value that is computed after its loop", .0.0)]
-    LateNext(NodeId),
+    /// The graph is not ready for emission.
+    #[error(transparent)]
+    Unready(#[from] Unready),
     /// A tape of a loop whose trip count is not constant, or one that is read at another iteration in each lane.
     #[error("node %{} is a tape that has no fixed place, or reads one that is not the same for all lanes", .0.0)]
     Tape(NodeId),
@@ -127,7 +120,7 @@ pub struct Plan<'g> {
     tapes: tapes::Tapes,
     scratch: Option<layout::Scratch>,
     layout: Layout,
-    facts: Facts,
+    work: Work,
 }
 
 /// All decisions about a function.
@@ -151,7 +144,7 @@ impl<'g> Plan<'g> {
         }
         let rates = rates::Rates::new(graph, options.varying)?;
         let order = lives::order(graph, &rates);
-        let facts = pressure::facts(graph, &order);
+        let work = rates.work;
         let (segments, orders) = match segments::cut(graph, &rates, &order, &options.split) {
             Some((segments, orders)) => (Some(segments), orders),
             None => (None, vec![order]),
@@ -178,7 +171,7 @@ impl<'g> Plan<'g> {
             ..kept
         });
         let (layout, scratch) = layout::place(graph, options.varying, options.precision, pad, kept)?;
-        Ok(Self { graph, rates, functions, segments, tapes, scratch, layout, facts })
+        Ok(Self { graph, rates, functions, segments, tapes, scratch, layout, work })
     }
 
     /// Where the columns will lie.
@@ -189,8 +182,8 @@ impl<'g> Plan<'g> {
 
     /// What compilation and calls may take.
     #[must_use]
-    pub const fn facts(&self) -> Facts {
-        self.facts
+    pub const fn work(&self) -> Work {
+        self.work
     }
 
     /// Vectors per iteration; of several functions the most.
@@ -216,7 +209,7 @@ impl<'g> Plan<'g> {
             return Err(EmitError::Code { bytes });
         }
         let once = self.segments.as_ref().map_or(0, |segments| segments.once);
-        Ok(Written { eval, parts, once, layout: self.layout, facts: self.facts })
+        Ok(Written { eval, parts, once, layout: self.layout, work: self.work })
     }
 
     /// Writes the code and the module around it.
@@ -238,7 +231,7 @@ pub struct Written {
     /// Where the columns lie.
     pub layout: Layout,
     /// What compilation and calls may take.
-    pub facts: Facts,
+    pub work: Work,
 }
 
 impl Written {
@@ -246,7 +239,7 @@ impl Written {
     #[must_use]
     pub fn seal(self, manifest: &[u8]) -> Module {
         let bytes = self.assemble(manifest);
-        Module { bytes, layout: self.layout, facts: self.facts }
+        Module { bytes, layout: self.layout, work: self.work }
     }
 
     fn assemble(&self, manifest: &[u8]) -> Vec<u8> {

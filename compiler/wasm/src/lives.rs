@@ -1,9 +1,9 @@
 //! The order of emission and how long each value is needed in it. Knows the graph and its rates; knows nothing of
 //! locals and instructions.
 
-use isograd_graph::{Graph, Node, NodeId};
+use isograd_graph::{Graph, Node, NodeId, PerNode};
 
-use crate::rates::{PerNode, Rates, is_constant, is_late, owner};
+use crate::rates::Rates;
 
 /// One thing that a function does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,15 +79,15 @@ pub fn reads(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl F
             let Some(Node::Gamma { end, .. }) = graph.get(gamma) else { return };
             for join in rates.joins.get(&end).into_iter().flatten() {
                 if let Node::Join { then, .. } = graph[*join]
-                    && !is_late(graph, end, then)
+                    && !graph.is_late(end, then)
                 {
                     f(then);
                 }
             }
         }
         Node::Join { end, then, otherwise } => {
-            let late = [then, otherwise].map(|x| is_late(graph, end, x).then_some(x));
-            if let Some(Node::Gamma { cond, .. }) = graph.get(owner(graph, end))
+            let late = [then, otherwise].map(|x| graph.is_late(end, x).then_some(x));
+            if let Some(Node::Gamma { cond, .. }) = graph.get(graph.owner(end))
                 && late.iter().any(Option::is_some)
             {
                 f(cond);
@@ -108,7 +108,7 @@ pub fn reads(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl F
                 f(cond);
                 for join in rates.joins.get(&id).into_iter().flatten() {
                     if let Node::Join { otherwise, .. } = graph[*join]
-                        && !is_late(graph, id, otherwise)
+                        && !graph.is_late(id, otherwise)
                     {
                         f(otherwise);
                     }
@@ -148,7 +148,7 @@ pub fn defines(graph: &Graph, rates: &Rates, id: NodeId, node: Node, mut f: impl
 
 /// The order of a module of one function.
 pub fn order(graph: &Graph, rates: &Rates) -> Order {
-    let wanted = |(id, node): &(NodeId, Node)| rates.needed[*id] && !is_constant(*node);
+    let wanted = |(id, node): &(NodeId, Node)| rates.needed[*id] && !node.is_constant();
     let mut items: Vec<NodeId> = graph.iter().filter(wanted).map(|(id, _)| id).filter(|id| rates.early[*id]).collect();
     let start = items.len();
 
@@ -206,7 +206,7 @@ impl Lives {
                 open.push((order.start, length));
             }
             let mut read = |x: NodeId| {
-                if is_constant(graph[x]) {
+                if graph[x].is_constant() {
                     return;
                 }
                 let Some(life) = lives.get_mut(current[storage(graph, x)]) else { return };

@@ -1,7 +1,7 @@
-//! How many vectors of points an iteration should compute, and the size of the work in it. Knows the measurements of
+//! How many vectors of points an iteration should compute. Knows the measurements of
 //! `NOTES-speed`; knows nothing of how code is written.
 
-use isograd_graph::{Graph, Node, NodeId, Precision};
+use isograd_graph::{Graph, Node, NodeId, Precision, Unready};
 use rustc_hash::FxHashMap;
 
 use crate::lives::{Item, Lives, Order};
@@ -20,19 +20,6 @@ const SOME: usize = 30;
 const LONG_BODY: u64 = 200;
 /// A processor works on about so many instructions at once: if a chain has more than this share of them, it waits.
 const WAITING: u64 = 4;
-/// Iterations of a loop above which a deadline must be able to interrupt it (DESIGN 9).
-const LONG: u64 = 10_000;
-
-/// Facts about a module that a host needs before it compiles it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Facts {
-    /// Operations of the table that are emitted, each once however many vectors there are. Compiling takes about 5 µs
-    /// for each.
-    pub operations: usize,
-    /// Whether there is a loop whose trip count is not constant, or constant ones that run the innermost body more
-    /// than 10,000 times for a point.
-    pub long_loop: bool,
-}
 
 /// How many vectors an iteration should compute. Several hide latencies, as long as their values fit the registers
 /// and their code the cache. A short body needs fewer, because the processor overlaps its iterations by itself; each
@@ -59,7 +46,7 @@ pub fn vectors(
             && let Node::Apply(op, args) = graph[*id]
             && !rates.uniform[*id]
         {
-            let program = lanes::program(op, precision).ok_or(EmitError::NoLanes(op))?;
+            let program = lanes::program(op, precision).ok_or(EmitError::from(Unready::NoInstructions(op)))?;
             let own = u64::from(program.instructions);
             instructions += own;
             if is_part {
@@ -76,31 +63,4 @@ pub fn vectors(
         0..=SOME if fits(2) && !is_part => Vectors::Two,
         _ => Vectors::One,
     })
-}
-
-/// The facts of a graph.
-pub fn facts(graph: &Graph, order: &Order) -> Facts {
-    let mut facts = Facts::default();
-    // How often the body of each open loop runs.
-    let mut runs = vec![1_u64];
-    for item in &order.items {
-        let Item::Node(id) = item else { continue };
-        match graph[*id] {
-            Node::Apply(..) => facts.operations += 1,
-            Node::Theta { lo, hi, .. } => {
-                let trips = match (graph[lo], graph[hi]) {
-                    (Node::Int(lo), Node::Int(hi)) => u64::try_from(i64::from(hi) - i64::from(lo)).unwrap_or(0),
-                    _ => u64::MAX,
-                };
-                let total = runs.last().copied().unwrap_or(1).saturating_mul(trips);
-                facts.long_loop |= total > LONG;
-                runs.push(total);
-            }
-            Node::End { begin } if matches!(graph[begin], Node::Theta { .. }) => {
-                runs.pop();
-            }
-            _ => {}
-        }
-    }
-    facts
 }

@@ -1,40 +1,11 @@
 //! Which nodes are computed at all, which are the same in every lane, and which once per call. Knows the graph;
 //! knows nothing of instructions.
 
-use std::ops::{Index, IndexMut};
-
-use isograd_graph::ops::Lowering;
-use isograd_graph::{Graph, Node, NodeId};
+use isograd_graph::ops::Family;
+use isograd_graph::{Graph, Node, NodeId, PerNode, Structure, Work};
 use rustc_hash::FxHashMap;
 
 use crate::EmitError;
-
-/// A table with an entry for every node.
-#[derive(Debug, Clone, Default)]
-pub struct PerNode<T>(Vec<T>);
-
-impl<T: Clone> PerNode<T> {
-    /// The same entry for every node.
-    pub fn new(graph: &Graph, entry: T) -> Self {
-        Self(vec![entry; graph.len()])
-    }
-}
-
-#[expect(clippy::indexing_slicing, reason = "ids come from the graph that the table was made for")]
-impl<T> Index<NodeId> for PerNode<T> {
-    type Output = T;
-
-    fn index(&self, id: NodeId) -> &T {
-        &self.0[id.index()]
-    }
-}
-
-#[expect(clippy::indexing_slicing, reason = "ids come from the graph that the table was made for")]
-impl<T> IndexMut<NodeId> for PerNode<T> {
-    fn index_mut(&mut self, id: NodeId) -> &mut T {
-        &mut self.0[id.index()]
-    }
-}
 
 /// The facts about a graph that emission needs.
 pub struct Rates {
@@ -53,93 +24,18 @@ pub struct Rates {
     pub tapes: FxHashMap<NodeId, Vec<NodeId>>,
     /// What an iteration gives a carried variable.
     pub next: PerNode<NodeId>,
-}
-
-/// Whether a node is a constant: written where it is used.
-pub const fn is_constant(node: Node) -> bool {
-    matches!(node, Node::Real(_) | Node::Int(_) | Node::Bool(_))
-}
-
-/// Whether an operand of a join is computed only after the branch.
-pub fn is_late(graph: &Graph, end: NodeId, operand: NodeId) -> bool {
-    operand > end && !is_constant(graph[operand])
-}
-
-/// The gamma or theta that an end closes.
-pub fn owner(graph: &Graph, end: NodeId) -> NodeId {
-    match graph.get(end) {
-        Some(Node::End { begin }) => begin,
-        _ => end,
-    }
+    /// What the work of a point is.
+    pub work: Work,
 }
 
 impl Rates {
     /// Computes the facts.
     pub fn new(graph: &Graph, varying: &[bool]) -> Result<Self, EmitError> {
-        let next = check(graph)?;
-        let needed = needed(graph, &next);
+        let Structure { needed, joins, carried, tapes, next, work } = Structure::new(graph, Family::Lanes)?;
         let uniform = uniform(graph, varying, &next);
-        let mut joins: FxHashMap<_, Vec<_>> = FxHashMap::default();
-        let mut carried: FxHashMap<_, Vec<_>> = FxHashMap::default();
-        let mut tapes: FxHashMap<_, Vec<_>> = FxHashMap::default();
-        for (id, node) in graph.iter().filter(|(id, _)| needed[*id]) {
-            match node {
-                Node::Join { end, .. } => joins.entry(end).or_default().push(id),
-                Node::Carried { theta, .. } => carried.entry(theta).or_default().push(id),
-                Node::Tape { end, .. } => tapes.entry(owner(graph, end)).or_default().push(id),
-                _ => {}
-            }
-        }
         let early = early(graph, &needed, &uniform, &next, &joins);
-        Ok(Self { needed, uniform, early, joins, carried, tapes, next })
+        Ok(Self { needed, uniform, early, joins, carried, tapes, next, work })
     }
-}
-
-/// Refuses graphs that are not ready for emission, and finds what each carried variable becomes.
-fn check(graph: &Graph) -> Result<PerNode<NodeId>, EmitError> {
-    let mut nexts = PerNode::new(graph, NodeId::NONE);
-    for (id, node) in graph.iter() {
-        match node {
-            Node::Fresh(_) | Node::Diff { .. } | Node::Within { .. } | Node::Bound { .. } => {
-                return Err(EmitError::Unexpanded(id));
-            }
-            Node::Apply(op, _) if matches!(op.def().lowering, Lowering::Fragment(_)) => {
-                return Err(EmitError::NoLanes(op));
-            }
-            Node::Final { end, carried, next } => {
-                // After its end an iteration cannot compute anything any more.
-                if next > end && !is_constant(graph[next]) {
-                    return Err(EmitError::LateNext(id));
-                }
-                nexts[carried] = next;
-            }
-            _ => {}
-        }
-    }
-    Ok(nexts)
-}
-
-/// What the outputs depend on: a walk backwards over operands and the marks of their regions.
-fn needed(graph: &Graph, nexts: &PerNode<NodeId>) -> PerNode<bool> {
-    let mut needed = PerNode::new(graph, false);
-    let mut open: Vec<NodeId> = graph.outputs.iter().map(|output| output.node).collect();
-    while let Some(id) = open.pop() {
-        if std::mem::replace(&mut needed[id], true) {
-            continue;
-        }
-        let node = graph[id];
-        node.each_operand(|x| open.push(x));
-        match node {
-            Node::Gamma { otherwise, end, .. } => open.extend([otherwise, end]),
-            Node::Theta { end, .. } => open.push(end),
-            Node::Counter { theta } => open.push(theta),
-            Node::Carried { theta, .. } => open.extend([theta, nexts[id]]),
-            Node::End { begin } => open.push(begin),
-            Node::Join { end, .. } | Node::Final { end, .. } | Node::Tape { end, .. } => open.push(end),
-            _ => {}
-        }
-    }
-    needed
 }
 
 /// Calls `f` with each node whose rate decides this node's.
@@ -148,7 +44,7 @@ fn rate_operands(graph: &Graph, id: NodeId, node: Node, nexts: &PerNode<NodeId>,
         Node::Join { end, then, otherwise } => {
             f(then);
             f(otherwise);
-            if let Some(Node::Gamma { cond, .. }) = graph.get(owner(graph, end)) {
+            if let Some(Node::Gamma { cond, .. }) = graph.get(graph.owner(end)) {
                 f(cond);
             }
         }
@@ -234,7 +130,7 @@ fn early(
                 let mut all = true;
                 node.each_operand(|x| all &= ready(early, x));
                 if let Node::Carried { .. } = node {
-                    all &= ready(early, nexts[at]) || is_constant(graph[nexts[at]]);
+                    all &= ready(early, nexts[at]) || graph[nexts[at]].is_constant();
                 }
                 all
             };
@@ -248,7 +144,7 @@ fn early(
             // The results too: an operand of a join may be varying, or may be computed after the branch.
             for join in joins.get(&end).into_iter().flatten() {
                 if let Node::Join { then, otherwise, .. } = graph[*join] {
-                    let fits = |x| ready(&early, x) || is_constant(graph[x]);
+                    let fits = |x| ready(&early, x) || graph[x].is_constant();
                     whole &= uniform[*join] && fits(then) && fits(otherwise);
                 }
             }

@@ -8,7 +8,6 @@ use isograd_graph::{Node, NodeId, Precision};
 use wasm_encoder::BlockType;
 
 use crate::emit::Emitter;
-use crate::rates::is_late;
 
 /// An open branch or loop.
 pub enum Frame {
@@ -115,7 +114,7 @@ impl Emitter<'_> {
         let mut results = Vec::new();
         for join in &joins {
             if let Node::Join { then, .. } = self.graph[*join]
-                && !is_late(self.graph, end, then)
+                && !self.graph.is_late(end, then)
             {
                 (0..self.width(*join)).for_each(|vector| self.push(then, vector));
                 results.push(*join);
@@ -178,12 +177,12 @@ impl Emitter<'_> {
         let in_lanes = matches!(frame, Some(Frame::LaneBranch { .. }));
         for join in self.joins(end) {
             let Node::Join { then, otherwise, .. } = self.graph[join] else { continue };
-            if is_late(self.graph, end, otherwise) {
+            if self.graph.is_late(end, otherwise) {
                 continue;
             }
             for vector in 0..self.width(join) {
                 let local = self.local(join, vector);
-                if in_lanes && !is_late(self.graph, end, then) {
+                if in_lanes && !self.graph.is_late(end, then) {
                     self.code.get(local);
                     self.push(otherwise, vector);
                     self.push(cond, vector);

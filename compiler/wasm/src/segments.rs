@@ -16,12 +16,12 @@
 
 use std::ops::Range;
 
-use isograd_graph::{Graph, Node, NodeId};
+use isograd_graph::{Graph, Node, NodeId, PerNode};
 use rustc_hash::FxHashMap;
 
 use crate::layout::Kept;
 use crate::lives::{Item, Order, defines, reads, storage};
-use crate::rates::{PerNode, Rates, is_late};
+use crate::rates::Rates;
 
 /// When and how to cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -133,7 +133,7 @@ fn units(graph: &Graph, rates: &Rates, nodes: &[NodeId], range: Range<usize>) ->
         let end = match graph[*id] {
             Node::Gamma { end, .. } => {
                 let late = |join: &&NodeId| match graph[**join] {
-                    Node::Join { then, otherwise, .. } => is_late(graph, end, then) || is_late(graph, end, otherwise),
+                    Node::Join { then, otherwise, .. } => graph.is_late(end, then) || graph.is_late(end, otherwise),
                     _ => false,
                 };
                 rates.joins.get(&end).into_iter().flatten().filter(late).max().copied().unwrap_or(end)

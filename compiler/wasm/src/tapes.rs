@@ -33,7 +33,7 @@ impl Tapes {
         for (id, node) in graph.iter().filter(|(id, _)| rates.needed[*id]) {
             match node {
                 Node::Tape { end, every, .. } => {
-                    let length = length(graph, end, every).ok_or(EmitError::Tape(id))?;
+                    let length = graph.tape_length(end, every).ok_or(EmitError::Tape(id))?;
                     let next = if rates.uniform[id] { &mut this.slots } else { &mut this.columns };
                     let first = *next;
                     *next = first.checked_add(length).ok_or(EmitError::Tape(id))?;
@@ -51,16 +51,6 @@ impl Tapes {
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
     }
-}
-
-/// How many entries a tape has. Those after the last that it holds are written too, if it does not hold every iteration:
-/// see [`Emitter::record`].
-fn length(graph: &Graph, end: NodeId, every: u32) -> Option<u32> {
-    let Some(Node::End { begin }) = graph.get(end) else { return None };
-    let Some(Node::Theta { lo, hi, .. }) = graph.get(begin) else { return None };
-    let (Some(Node::Int(lo)), Some(Node::Int(hi))) = (graph.get(lo), graph.get(hi)) else { return None };
-    let last = u32::try_from(i64::from(hi) - i64::from(lo) - 1).ok()?;
-    last.checked_add(every.saturating_sub(1))?.checked_div(every)?.checked_add(1)
 }
 
 impl Emitter<'_> {

@@ -4,7 +4,7 @@
 
 mod support;
 
-use isograd_graph::{Builder, NodeId, Op, Precision, Scalar, Value, Verified};
+use isograd_graph::{Builder, NodeId, Op, Precision, Scalar, Unready, Value, Verified};
 use isograd_wasm::{EmitError, Options, Plan, Split, Vectors, emit};
 use support::{PRECISIONS, Random, Running, compare, graph, wide};
 
@@ -130,7 +130,7 @@ fn uniform_work_is_done_once() {
     let mut running = Running::new(&module, wasmtime::OptLevel::None);
     let points = vec![vec![real(1.0), Value::Int(1 << 25)]; 4096];
     assert_eq!(running.run(&points), vec![vec![real(1.0)]; 4096]);
-    assert!(module.facts.long_loop);
+    assert!(module.work.long_loop);
 }
 
 /// Random graphs: regions to depth 3, all kinds, all rates.
@@ -161,7 +161,7 @@ impl Garden<'_, '_> {
     fn operation(&mut self) {
         loop {
             let op = Op::ALL[self.random.below(Op::ALL.len())];
-            if op.is_partial() || !matches!(op.def().lowering, isograd_graph::ops::Lowering::Lanes { .. }) {
+            if op.is_partial() || !matches!(op.def().lowering, isograd_graph::ops::Lowering::Instructions { .. }) {
                 continue;
             }
             let args: Vec<NodeId> = op.def().operands.iter().map(|s| self.pick(*s)).collect();
@@ -303,7 +303,7 @@ fn code_grows_linearly_with_the_graph() {
             b"",
         );
         let module = module.expect("emits");
-        assert_eq!(module.facts.operations, verified.operations());
+        assert_eq!(module.work.operations, verified.operations());
         module.bytes.len()
     };
     let (small, large) = (size(&chain(10_000)), size(&chain(100_000)));
@@ -348,7 +348,7 @@ fn graphs_that_are_not_ready_are_refused() {
             .map(|_| ())
             .expect_err("is refused")
     };
-    assert_eq!(refused(Precision::F32, &[true]), EmitError::NoLanes(Op::Sin));
+    assert_eq!(refused(Precision::F32, &[true]), EmitError::Unready(Unready::NoInstructions(Op::Sin)));
     assert!(matches!(refused(Precision::F64, &[true]), EmitError::Options { .. }));
     assert!(matches!(refused(Precision::F32, &[]), EmitError::Options { .. }));
 }

@@ -33,7 +33,7 @@ fn every_operation_agrees_with_the_reference() {
     let mut random = Random(1);
     let mut tested = 0;
     for precision in PRECISIONS {
-        for op in Op::ALL.iter().filter(|op| matches!(op.def().lowering, Lowering::Lanes { .. })) {
+        for op in Op::ALL.iter().filter(|op| matches!(op.def().lowering, Lowering::Instructions { .. })) {
             let def = op.def();
             let verified = graph(precision, |b| {
                 let args: Vec<NodeId> =

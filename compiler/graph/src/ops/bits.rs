@@ -2,7 +2,9 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "the f32 evaluation narrows on purpose")]
 
-use super::{Accuracy, Derivative, I, Kink, Lowering, OpDef, Partial, R, enclose, enclose::enclosed, eval, kink, rule};
+use super::{
+    Accuracy, Derivative, I, Kink, Lowering, OpDef, Partial, R, Shader, enclose, enclose::enclosed, eval, kink, rule,
+};
 
 const ANY: (f64, f64) = (-100.0, 100.0);
 
@@ -33,9 +35,13 @@ pub const COPYSIGN: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real, s: real| -> Real { enclose::copysign(b, a, s) }),
     cost: 1,
-    lowering: Lowering::Lanes {
+    lowering: Lowering::Instructions {
         f32x4: "b a i32:-2147483648 v128.bitselect",
         f64x2: "b a i64:-9223372036854775808 v128.bitselect",
+        shader: Shader::Scalar {
+            f32: "a bits w:2147483647 iand b bits w:-2147483648 iand ior real",
+            f64: "a bits w:9223372036854775807 iand b bits w:-9223372036854775808 iand ior real",
+        },
     },
 };
 
@@ -61,9 +67,13 @@ pub const EXPONENT: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real| -> Int { enclose::int::exponent(b, a) }),
     cost: 3,
-    lowering: Lowering::Lanes {
+    lowering: Lowering::Instructions {
         f32x4: "a f32x4.abs i32x4.shr_u:23 i32:127 i32x4.sub",
         f64x2: "a f64x2.abs i64x2.shr_u:52 low32 i32:1023 i32x4.sub",
+        shader: Shader::Scalar {
+            f32: "a bits w:2147483647 iand i:23 ushr i:127 isub",
+            f64: "a bits w:9223372036854775807 iand i:52 ushr narrow i:1023 isub",
+        },
     },
 };
 
@@ -101,9 +111,13 @@ pub const SCALE: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real, n: int| -> Real { enclose::int::scale(b, a, n) }),
     cost: 5,
-    lowering: Lowering::Lanes {
+    lowering: Lowering::Instructions {
         f32x4: "a b i32:-126 i32x4.max_s i32:127 i32x4.min_s i32:127 i32x4.add i32x4.shl:23 f32x4.mul",
         f64x2: "a b i32:-1022 i32x4.max_s i32:1023 i32x4.min_s i32:1023 i32x4.add i64x2.extend_low_i32x4_s \
                 i64x2.shl:52 f64x2.mul",
+        shader: Shader::Scalar {
+            f32: "a b i:-126 imax i:127 imin i:127 iadd i:23 ishl real fmul",
+            f64: "a b i:-1022 imax i:1023 imin i:1023 iadd widen i:52 ishl real fmul",
+        },
     },
 };

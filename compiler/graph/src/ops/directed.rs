@@ -8,8 +8,8 @@
 #![allow(clippy::cast_possible_truncation, reason = "the f32 evaluation narrows on purpose")]
 
 use super::{
-    Accuracy, B, Derivative, Eval, Kink, Lowering, Op, OpDef, Partial, R, enclose, enclose::enclosed,
-    enclose::nonnegative, eval, fragment, real,
+    Accuracy, B, Derivative, Eval, Kink, Lowering, Op, OpDef, Partial, R, Shader, enclose, enclose::enclosed,
+    enclose::nonnegative, eval, fragment, real, scalar, shader,
 };
 use crate::{Builder, NodeId, Precision, Range, Value};
 
@@ -76,9 +76,15 @@ pub const NEXT_UP: OpDef = OpDef {
     enclosure: enclosed!(|b, x: real| -> Real { Range { hi: b.next_up(x.hi), ..x } }),
     cost: 6,
     // Bits of numbers of one sign are in order: one more above 0, one less below. Adding 0 makes −0 a 0.
-    lowering: Lowering::Lanes {
+    lowering: Lowering::Instructions {
         f32x4: "a i32:0 f32x4.add a i32:0 f32x4.lt i32:1 v128.or a i32:2139095040 f32x4.lt v128.and i32x4.add",
         f64x2: "a i64:0 f64x2.add a i64:0 f64x2.lt i64:1 v128.or a i64:9218868437227405312 f64x2.lt v128.and i64x2.add",
+        shader: Shader::Scalar {
+            f32: "a r:3.4028234663852886e38 fle \
+                  a r:0 feq w:1 a bits a r:0 flt w:-1 w:1 select iadd select a bits select real",
+            f64: "a r:1.7976931348623157e308 fle \
+                  a r:0 feq w:1 a bits a r:0 flt w:-1 w:1 select iadd select a bits select real",
+        },
     },
 };
 
@@ -96,11 +102,17 @@ pub const NEXT_DOWN: OpDef = OpDef {
     enclosure: enclosed!(|b, x: real| -> Real { Range { lo: b.next_down(x.lo), ..x } }),
     cost: 7,
     // −next_up(−a)
-    lowering: Lowering::Lanes {
+    lowering: Lowering::Instructions {
         f32x4: "i32:0 a f32x4.sub i32:0 a f32x4.lt i32:1 v128.or a i32:-8388608 f32x4.gt v128.and i32x4.add \
                 i32:-2147483648 v128.xor",
         f64x2: "i64:0 a f64x2.sub i64:0 a f64x2.lt i64:1 v128.or a i64:-4503599627370496 f64x2.gt v128.and i64x2.add \
                 i64:-9223372036854775808 v128.xor",
+        shader: Shader::Scalar {
+            f32: "r:-3.4028234663852886e38 a fle \
+                  a r:0 feq w:-2147483647 a bits a r:0 flt w:1 w:-1 select iadd select a bits select real",
+            f64: "r:-1.7976931348623157e308 a fle \
+                  a r:0 feq w:-9223372036854775807 a bits a r:0 flt w:1 w:-1 select iadd select a bits select real",
+        },
     },
 };
 
@@ -127,9 +139,13 @@ pub const ABOVE: OpDef = OpDef {
     accuracy: Accuracy::Directed,
     enclosure: enclosed!(|b, x: real, _c: truth| -> Real { Range { hi: b.next_up(x.hi), ..x } }),
     cost: 4,
-    lowering: Lowering::Lanes {
+    lowering: Lowering::Instructions {
         f32x4: "a a i32x4.shr_s:31 i32:1 v128.or b v128.and i32x4.add",
         f64x2: "a a i64:0 i64x2.lt_s i64:1 v128.or b v128.and i64x2.add",
+        shader: Shader::Scalar {
+            f32: "a bits b a bits i:31 ishr w:1 ior w:0 select iadd real",
+            f64: "a bits b a bits i:63 ishr w:1 ior w:0 select iadd real",
+        },
     },
 };
 
@@ -154,9 +170,13 @@ pub const BELOW: OpDef = OpDef {
     accuracy: Accuracy::Directed,
     enclosure: enclosed!(|b, x: real, _c: truth| -> Real { Range { lo: b.next_down(x.lo), ..x } }),
     cost: 4,
-    lowering: Lowering::Lanes {
+    lowering: Lowering::Instructions {
         f32x4: "a a i32x4.shr_s:31 i32:1 v128.or b v128.and i32x4.sub",
         f64x2: "a a i64:0 i64x2.lt_s i64:1 v128.or b v128.and i64x2.sub",
+        shader: Shader::Scalar {
+            f32: "a bits b a bits i:31 ishr w:1 ior w:0 select isub real",
+            f64: "a bits b a bits i:63 ishr w:1 ior w:0 select isub real",
+        },
     },
 };
 
@@ -167,7 +187,11 @@ pub const RAISED: OpDef = OpDef {
     eval: ABOVE.eval,
     domain: &[SIZE, TRUTH],
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a b i32x4.sub", f64x2: "a b i64x2.sub" },
+    lowering: Lowering::Instructions {
+        f32x4: "a b i32x4.sub",
+        f64x2: "a b i64x2.sub",
+        shader: scalar("a bits b w:1 w:0 select iadd real"),
+    },
     ..ABOVE
 };
 
@@ -177,7 +201,11 @@ pub const LOWERED: OpDef = OpDef {
     eval: BELOW.eval,
     domain: &[(0.1, 100.0), TRUTH],
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a b i32x4.add", f64x2: "a b i64x2.add" },
+    lowering: Lowering::Instructions {
+        f32x4: "a b i32x4.add",
+        f64x2: "a b i64x2.add",
+        shader: scalar("a bits b w:1 w:0 select isub real"),
+    },
     ..BELOW
 };
 
@@ -209,11 +237,18 @@ pub const WIDE_PRODUCT_BELOW: OpDef = OpDef {
     accuracy: Accuracy::Directed,
     enclosure: |b, _, _| enclose::anything(b, B),
     cost: 12,
-    lowering: Lowering::Lanes {
+    lowering: Lowering::Instructions {
         f32x4: "a f64x2.promote_low_f32x4 b f64x2.promote_low_f32x4 f64x2.mul c f64x2.promote_low_f32x4 f64x2.lt \
                 a high64 f64x2.promote_low_f32x4 b high64 f64x2.promote_low_f32x4 f64x2.mul \
                 c high64 f64x2.promote_low_f32x4 f64x2.lt even32",
         f64x2: "a b f64x2.mul c f64x2.lt",
+        shader: shader!(|b, [x, y, z], p| match p {
+            Precision::F32 => product_below(b, x, y, z, p),
+            Precision::F64 => {
+                let product = b.mul(x, y);
+                b.lt(product, z)
+            }
+        }),
     },
 };
 
@@ -230,11 +265,18 @@ pub const WIDE_PRODUCT_ABOVE: OpDef = OpDef {
     accuracy: Accuracy::Directed,
     enclosure: |b, _, _| enclose::anything(b, B),
     cost: 12,
-    lowering: Lowering::Lanes {
+    lowering: Lowering::Instructions {
         f32x4: "a f64x2.promote_low_f32x4 b f64x2.promote_low_f32x4 f64x2.mul c f64x2.promote_low_f32x4 f64x2.gt \
                 a high64 f64x2.promote_low_f32x4 b high64 f64x2.promote_low_f32x4 f64x2.mul \
                 c high64 f64x2.promote_low_f32x4 f64x2.gt even32",
         f64x2: "a b f64x2.mul c f64x2.gt",
+        shader: shader!(|b, [x, y, z], p| match p {
+            Precision::F32 => product_above(b, x, y, z, p),
+            Precision::F64 => {
+                let product = b.mul(x, y);
+                b.lt(z, product)
+            }
+        }),
     },
 };
 
@@ -261,7 +303,7 @@ pub const PRODUCT_BELOW: OpDef = OpDef {
     cost: 12,
     lowering: fragment!(|b, [x, y, z], p| match p {
         Precision::F32 => b.op(Op::WideProductBelow, &[x, y, z]),
-        Precision::F64 => product_below(b, x, y, z),
+        Precision::F64 => product_below(b, x, y, z, p),
     }),
 };
 
@@ -283,13 +325,13 @@ fn product_less(a: f64, b: f64, c: f64) -> bool {
     a.mul_add(b, -c) < 0.0
 }
 
-/// a·b < c in f64, exactly, for all numbers; 0·∞ is below nothing.
+/// a·b < c, exactly, for all numbers; 0·∞ is below nothing.
 ///
 /// With h + e = a·b by Dekker's product of Veltkamp's halves (Dekker, *A floating-point technique for extending the
 /// available precision*, 1971), a·b < c means h < c, or h = c and e < 0. The smaller factor is scaled to about ¼, then
 /// the larger, so nothing overflows and e is a number; and so is c·2ᵐ, unless c is far from a·b. If it is as large as
 /// a·b, then on the way it is as large as the larger factor, hence exact. Beside 0 and ∞ it must not be scaled.
-fn product_below(b: &mut Builder<'_>, x: NodeId, y: NodeId, z: NodeId) -> NodeId {
+fn product_below(b: &mut Builder<'_>, x: NodeId, y: NodeId, z: NodeId, p: Precision) -> NodeId {
     let (size_x, size_y) = (b.abs(x), b.abs(y));
     let ordered = b.le(size_x, size_y);
     let (small, large) = (b.select(ordered, x, y), b.select(ordered, y, x));
@@ -300,8 +342,8 @@ fn product_below(b: &mut Builder<'_>, x: NodeId, y: NodeId, z: NodeId) -> NodeId
     let double = b.add(product, product);
     let extreme = b.eq(double, product);
     let z = b.select(extreme, z, less);
-    let (xh, xl) = halves(b, x);
-    let (yh, yl) = halves(b, y);
+    let (xh, xl) = halves(b, x, p);
+    let (yh, yl) = halves(b, y, p);
     let (hh, hl, lh, ll) = (b.mul(xh, yh), b.mul(xh, yl), b.mul(xl, yh), b.mul(xl, yl));
     let rest = b.sub(hh, product);
     let rest = b.add(rest, hl);
@@ -320,9 +362,19 @@ fn scaled(b: &mut Builder<'_>, x: NodeId, z: NodeId) -> (NodeId, NodeId) {
     (b.scale(x, power), b.scale(z, power))
 }
 
-/// Veltkamp's halves of 26 bits: h + l = x.
-fn halves(b: &mut Builder<'_>, x: NodeId) -> (NodeId, NodeId) {
-    let splitter = b.real(134_217_729.0); // 2²⁷ + 1
+/// a·b > c by the same.
+fn product_above(b: &mut Builder<'_>, x: NodeId, y: NodeId, z: NodeId, p: Precision) -> NodeId {
+    let (x, z) = (b.neg(x), b.neg(z));
+    product_below(b, x, y, z, p)
+}
+
+/// Veltkamp's halves of 12 bits, in f64 of 26: h + l = x.
+fn halves(b: &mut Builder<'_>, x: NodeId, p: Precision) -> (NodeId, NodeId) {
+    let splitter = match p {
+        Precision::F32 => 4097.0,        // 2¹² + 1
+        Precision::F64 => 134_217_729.0, // 2²⁷ + 1
+    };
+    let splitter = b.real(splitter);
     let big = b.mul(splitter, x);
     let over = b.sub(big, x);
     let high = b.sub(big, over);
@@ -359,10 +411,7 @@ impl Side {
         match (self, p) {
             (Self::Down, _) => b.product_below(x, y, z),
             (Self::Up, Precision::F32) => b.op(Op::WideProductAbove, &[x, y, z]),
-            (Self::Up, Precision::F64) => {
-                let (x, z) = (b.neg(x), b.neg(z));
-                b.product_below(x, y, z)
-            }
+            (Self::Up, Precision::F64) => product_above(b, x, y, z, p),
         }
     }
 }

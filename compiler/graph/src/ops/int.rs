@@ -9,7 +9,7 @@
 
 use super::{
     Accuracy, B, Derivative, EnclosureRule, Eval, I, Kink, Lowering, OpDef, R, enclose::enclosed, enclose::int as ints,
-    eval, fragment, kink,
+    eval, fragment, kink, scalar,
 };
 use crate::{Op, Scalar};
 
@@ -44,8 +44,8 @@ const fn int(
     }
 }
 
-const fn same(lanes: &'static str) -> Lowering {
-    Lowering::Lanes { f32x4: lanes, f64x2: lanes }
+const fn same(lanes: &'static str, shader: &'static str) -> Lowering {
+    Lowering::Instructions { f32x4: lanes, f64x2: lanes, shader: scalar(shader) }
 }
 
 pub const ADD: OpDef = int(
@@ -57,7 +57,7 @@ pub const ADD: OpDef = int(
     eval!(|a: Int, b: Int| -> Int { a.wrapping_add(b) }),
     enclosed!(|b, x: int, y: int| -> Int { ints::add(b, x, y) }),
     1,
-    same("a b i32x4.add"),
+    same("a b i32x4.add", "a b iadd"),
 );
 pub const SUB: OpDef = int(
     "isub",
@@ -68,7 +68,7 @@ pub const SUB: OpDef = int(
     eval!(|a: Int, b: Int| -> Int { a.wrapping_sub(b) }),
     enclosed!(|b, x: int, y: int| -> Int { ints::sub(b, x, y) }),
     1,
-    same("a b i32x4.sub"),
+    same("a b i32x4.sub", "a b isub"),
 );
 pub const MUL: OpDef = int(
     "imul",
@@ -79,7 +79,7 @@ pub const MUL: OpDef = int(
     eval!(|a: Int, b: Int| -> Int { a.wrapping_mul(b) }),
     enclosed!(|b, x: int, y: int| -> Int { ints::mul(b, x, y) }),
     2,
-    same("a b i32x4.mul"),
+    same("a b i32x4.mul", "a b imul"),
 );
 // Quotients of 32-bit ints are exact in f64 after truncation. Only −2³¹/−1 = 2³¹ saturates where it must wrap, and
 // only division by 0 is not finite.
@@ -92,7 +92,7 @@ pub const DIV: OpDef = int(
     eval!(|a: Int, b: Int| -> Int { if b == 0 { 0 } else { a.wrapping_div(b) } }),
     enclosed!(|b, x: int, y: int| -> Int { ints::div(b, x, y) }),
     16,
-    Lowering::Lanes {
+    Lowering::Instructions {
         f32x4: "a f64x2.convert_low_i32x4_s b f64x2.convert_low_i32x4_s f64x2.div i32x4.trunc_sat_f64x2_s_zero \
                 a high64 f64x2.convert_low_i32x4_s b high64 f64x2.convert_low_i32x4_s f64x2.div \
                 i32x4.trunc_sat_f64x2_s_zero pair64 \
@@ -101,6 +101,7 @@ pub const DIV: OpDef = int(
         f64x2: "a f64x2.convert_low_i32x4_s b f64x2.convert_low_i32x4_s f64x2.div i32x4.trunc_sat_f64x2_s_zero \
                 a i32:-2147483648 i32x4.eq b i32:-1 i32x4.eq v128.and i32x4.sub \
                 b i32:0 i32x4.eq v128.andnot",
+        shader: scalar("b i:0 ieq i:0 a b i:0 ieq a i:-2147483648 ieq b i:-1 ieq and or i:1 b select idiv select"),
     },
 );
 pub const REM: OpDef = int(
@@ -146,7 +147,7 @@ pub const NEG: OpDef = int(
     eval!(|a: Int| -> Int { a.wrapping_neg() }),
     enclosed!(|b, x: int| -> Int { ints::neg(b, x) }),
     1,
-    same("a i32x4.neg"),
+    same("a i32x4.neg", "a ineg"),
 );
 pub const ABS: OpDef = int(
     "iabs",
@@ -157,7 +158,7 @@ pub const ABS: OpDef = int(
     eval!(|a: Int| -> Int { a.wrapping_abs() }),
     enclosed!(|b, x: int| -> Int { ints::abs(b, x) }),
     1,
-    same("a i32x4.abs"),
+    same("a i32x4.abs", "a i:0 ilt a ineg a select"),
 );
 pub const MIN: OpDef = int(
     "imin",
@@ -168,7 +169,7 @@ pub const MIN: OpDef = int(
     eval!(|a: Int, b: Int| -> Int { a.min(b) }),
     enclosed!(|b, x: int, y: int| -> Int { ints::pairwise(b, Op::IntMin, x, y) }),
     1,
-    same("a b i32x4.min_s"),
+    same("a b i32x4.min_s", "a b imin"),
 );
 pub const MAX: OpDef = int(
     "imax",
@@ -179,7 +180,7 @@ pub const MAX: OpDef = int(
     eval!(|a: Int, b: Int| -> Int { a.max(b) }),
     enclosed!(|b, x: int, y: int| -> Int { ints::pairwise(b, Op::IntMax, x, y) }),
     1,
-    same("a b i32x4.max_s"),
+    same("a b i32x4.max_s", "a b imax"),
 );
 pub const SIGN: OpDef = int(
     "isign",
@@ -190,7 +191,7 @@ pub const SIGN: OpDef = int(
     eval!(|a: Int| -> Int { a.signum() }),
     enclosed!(|b, x: int| -> Int { ints::ends(b, Op::IntSign, x) }),
     2,
-    same("a i32:-1 i32x4.max_s i32:1 i32x4.min_s"),
+    same("a i32:-1 i32x4.max_s i32:1 i32x4.min_s", "a i:-1 imax i:1 imin"),
 );
 pub const EQ: OpDef = int(
     "ieq",
@@ -201,7 +202,11 @@ pub const EQ: OpDef = int(
     eval!(|a: Int, b: Int| -> Bool { a == b }),
     enclosed!(|b, x: int, y: int| -> Bool { ints::eq(b, x, y) }),
     1,
-    Lowering::Lanes { f32x4: "a b i32x4.eq", f64x2: "a b i32x4.eq i64x2.extend_low_i32x4_s" },
+    Lowering::Instructions {
+        f32x4: "a b i32x4.eq",
+        f64x2: "a b i32x4.eq i64x2.extend_low_i32x4_s",
+        shader: scalar("a b ieq"),
+    },
 );
 pub const LT: OpDef = int(
     "ilt",
@@ -212,7 +217,11 @@ pub const LT: OpDef = int(
     eval!(|a: Int, b: Int| -> Bool { a < b }),
     enclosed!(|b, x: int, y: int| -> Bool { ints::lt(b, x, y) }),
     1,
-    Lowering::Lanes { f32x4: "a b i32x4.lt_s", f64x2: "a b i32x4.lt_s i64x2.extend_low_i32x4_s" },
+    Lowering::Instructions {
+        f32x4: "a b i32x4.lt_s",
+        f64x2: "a b i32x4.lt_s i64x2.extend_low_i32x4_s",
+        shader: scalar("a b ilt"),
+    },
 );
 pub const LE: OpDef = int(
     "ile",
@@ -223,7 +232,11 @@ pub const LE: OpDef = int(
     eval!(|a: Int, b: Int| -> Bool { a <= b }),
     enclosed!(|b, x: int, y: int| -> Bool { ints::le(b, x, y) }),
     1,
-    Lowering::Lanes { f32x4: "a b i32x4.le_s", f64x2: "a b i32x4.le_s i64x2.extend_low_i32x4_s" },
+    Lowering::Instructions {
+        f32x4: "a b i32x4.le_s",
+        f64x2: "a b i32x4.le_s i64x2.extend_low_i32x4_s",
+        shader: scalar("a b ile"),
+    },
 );
 pub const TO_REAL: OpDef = OpDef {
     name: "int_to_real",
@@ -238,7 +251,11 @@ pub const TO_REAL: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, n: int| -> Real { ints::to_real(b, n) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a f32x4.convert_i32x4_s", f64x2: "a f64x2.convert_low_i32x4_s" },
+    lowering: Lowering::Instructions {
+        f32x4: "a f32x4.convert_i32x4_s",
+        f64x2: "a f64x2.convert_low_i32x4_s",
+        shader: scalar("a itof"),
+    },
 };
 pub const FROM_REAL: OpDef = OpDef {
     name: "real_to_int",
@@ -259,5 +276,12 @@ pub const FROM_REAL: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real| -> Int { ints::from_real(b, a) }),
     cost: 3,
-    lowering: Lowering::Lanes { f32x4: "a i32x4.trunc_sat_f32x4_s", f64x2: "a i32x4.trunc_sat_f64x2_s_zero" },
+    lowering: Lowering::Instructions {
+        f32x4: "a i32x4.trunc_sat_f32x4_s",
+        f64x2: "a i32x4.trunc_sat_f64x2_s_zero",
+        shader: scalar(
+            "r:2147483648 a fle i:2147483647 a r:-2147483648 fle i:-2147483648 \
+             a fabs r:2147483648 flt a r:0 select ftoi select select",
+        ),
+    },
 };

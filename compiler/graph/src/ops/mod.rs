@@ -256,19 +256,71 @@ pub enum Accuracy {
 /// How a target computes an operation.
 #[derive(Debug, Clone)]
 pub enum Lowering {
-    /// By WebAssembly instructions on lanes, as a stack program: `a b c d` push operands, `i32:N` and `i64:N` push a
-    /// constant in every lane, `low32` packs the low halves of 64-bit lanes into the low two 32-bit lanes, `NAME:N`
-    /// is an instruction with an immediate, all else is an instruction. Reals are f32x4 or f64x2, ints i32x4 (in
-    /// f64 modules the low two lanes), bools masks as wide as reals.
-    Lanes {
-        /// In f32 modules.
+    /// By instructions, as stack programs: `a b c d` push operands. For WebAssembly `i32:N` and `i64:N` push a constant in
+    /// every lane, `low32` packs the low halves of 64-bit lanes into the low two 32-bit lanes, `NAME:N` is an instruction
+    /// with an immediate, all else is an instruction. Reals are f32x4 or f64x2, ints i32x4 (in f64 modules the low two
+    /// lanes), bools masks as wide as reals.
+    Instructions {
+        /// In WebAssembly of f32.
         f32x4: &'static str,
-        /// In f64 modules.
+        /// In WebAssembly of f64.
         f64x2: &'static str,
+        /// In shaders.
+        shader: Shader,
     },
-    /// By other operations: a fragment that the `kernels` step puts in its place. Fragments may contain operations
-    /// that have fragments themselves.
-    Fragment(fn(&mut Builder<'_>, &[NodeId], Precision) -> NodeId),
+    /// By other operations on every target.
+    Fragment(Fragment),
+}
+
+/// How shaders compute an operation that has instructions in WebAssembly.
+#[derive(Debug, Clone)]
+pub enum Shader {
+    /// By instructions on scalars, as stack programs: `a b c d` push operands, `i:N` an int, `r:X` a real, `w:N` an int as
+    /// wide as a real, `bits` makes that of a real and `real` a real of it, all else is an instruction that the shader
+    /// emitters declare.
+    Scalar {
+        /// In f32 modules.
+        f32: &'static str,
+        /// In f64 modules.
+        f64: &'static str,
+    },
+    /// By other operations: they have no f64 beside f32.
+    Fragment(Fragment),
+}
+
+/// A graph that computes an operation, which the `kernels` step puts in its place. Fragments may contain operations that
+/// have fragments themselves.
+pub type Fragment = fn(&mut Builder<'_>, &[NodeId], Precision) -> NodeId;
+
+/// Targets that have the same instructions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// WebAssembly with lanes.
+    Lanes,
+    /// SPIR-V and WGSL.
+    Shader,
+}
+
+impl Family {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Lanes, Self::Shader];
+}
+
+impl OpDef {
+    /// What computes it on a family of targets that has no instructions for it.
+    #[must_use]
+    pub const fn fragment(&self, family: Family) -> Option<Fragment> {
+        match (&self.lowering, family) {
+            (Lowering::Fragment(fragment), _)
+            | (Lowering::Instructions { shader: Shader::Fragment(fragment), .. }, Family::Shader) => Some(*fragment),
+            (Lowering::Instructions { .. }, _) => None,
+        }
+    }
+}
+
+/// One program for both precisions.
+const fn scalar(text: &'static str) -> Shader {
+    Shader::Scalar { f32: text, f64: text }
 }
 
 /// The value of an operation on constants, as every target computes it: by its fragment if it has one.
@@ -280,7 +332,7 @@ pub fn constant(op: Op, args: &[Value], precision: Precision) -> Option<Value> {
         return None;
     }
     match def.lowering {
-        Lowering::Lanes { .. } => Some((def.eval.at(precision))(args)),
+        Lowering::Instructions { .. } => Some((def.eval.at(precision))(args)),
         Lowering::Fragment(fragment) => {
             let mut builder = Builder::new(Mode::Real(precision), 100_000, &Unwatched);
             let nodes: Vec<NodeId> = args.iter().map(|v| builder.constant(*v)).collect();
@@ -342,7 +394,14 @@ macro_rules! fragment {
     };
 }
 
-pub(crate) use {eval, fragment, rule};
+/// `shader!(|b, [x], p| …)`: a lowering by a fragment in shaders alone.
+macro_rules! shader {
+    (|$b:ident, [$($x:ident),+], $p:ident| $body:expr) => {
+        $crate::ops::Shader::Fragment(|$b, args, $p| match *args { [$($x),+] => $body, _ => $crate::NodeId::NONE })
+    };
+}
+
+pub(crate) use {eval, fragment, rule, shader};
 
 #[cfg(test)]
 mod tests;

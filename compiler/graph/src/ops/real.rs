@@ -4,6 +4,7 @@
 
 use super::{
     Accuracy, Derivative, Kink, Lowering, OpDef, Partial, R, enclose, enclose::enclosed, eval, fragment, kink, rule,
+    scalar,
 };
 use crate::{Builder, NodeId, Op};
 
@@ -22,7 +23,7 @@ pub const ADD: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::add(b, a, c) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a b f32x4.add", f64x2: "a b f64x2.add" },
+    lowering: Lowering::Instructions { f32x4: "a b f32x4.add", f64x2: "a b f64x2.add", shader: scalar("a b fadd") },
 };
 
 pub const SUB: OpDef = OpDef {
@@ -38,7 +39,7 @@ pub const SUB: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::sub(b, a, c) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a b f32x4.sub", f64x2: "a b f64x2.sub" },
+    lowering: Lowering::Instructions { f32x4: "a b f32x4.sub", f64x2: "a b f64x2.sub", shader: scalar("a b fsub") },
 };
 
 pub const MUL: OpDef = OpDef {
@@ -54,7 +55,7 @@ pub const MUL: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, facts; a: real, c: real| -> Real { enclose::mul(b, a, c, facts.same) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a b f32x4.mul", f64x2: "a b f64x2.mul" },
+    lowering: Lowering::Instructions { f32x4: "a b f32x4.mul", f64x2: "a b f64x2.mul", shader: scalar("a b fmul") },
 };
 
 pub const DIV: OpDef = OpDef {
@@ -79,7 +80,7 @@ pub const DIV: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::div(b, a, c) }),
     cost: 4,
-    lowering: Lowering::Lanes { f32x4: "a b f32x4.div", f64x2: "a b f64x2.div" },
+    lowering: Lowering::Instructions { f32x4: "a b f32x4.div", f64x2: "a b f64x2.div", shader: scalar("a b fdiv") },
 };
 
 pub const NEG: OpDef = OpDef {
@@ -96,7 +97,11 @@ pub const NEG: OpDef = OpDef {
     enclosure: enclosed!(|b, a: real| -> Real { enclose::neg(b, a) }),
     cost: 1,
     // Cranelift builds the mask of `f32x4.neg` and `abs` anew each time; a constant is one operand in memory.
-    lowering: Lowering::Lanes { f32x4: "a i32:-2147483648 v128.xor", f64x2: "a i64:-9223372036854775808 v128.xor" },
+    lowering: Lowering::Instructions {
+        f32x4: "a i32:-2147483648 v128.xor",
+        f64x2: "a i64:-9223372036854775808 v128.xor",
+        shader: scalar("a fneg"),
+    },
 };
 
 pub const SQRT: OpDef = OpDef {
@@ -122,7 +127,7 @@ pub const SQRT: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real| -> Real { enclose::sqrt(b, a) }),
     cost: 5,
-    lowering: Lowering::Lanes { f32x4: "a f32x4.sqrt", f64x2: "a f64x2.sqrt" },
+    lowering: Lowering::Instructions { f32x4: "a f32x4.sqrt", f64x2: "a f64x2.sqrt", shader: scalar("a fsqrt") },
 };
 
 /// An operation of its own, because by the rules of `/` and `√` the slope at the pole would be ∞·0 (LANGUAGE 13.5, 13.6).
@@ -169,7 +174,11 @@ pub const ABS: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real| -> Real { enclose::abs(b, a) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a i32:2147483647 v128.and", f64x2: "a i64:9223372036854775807 v128.and" },
+    lowering: Lowering::Instructions {
+        f32x4: "a i32:2147483647 v128.and",
+        f64x2: "a i64:9223372036854775807 v128.and",
+        shader: scalar("a fabs"),
+    },
 };
 
 pub const MIN: OpDef = OpDef {
@@ -198,7 +207,11 @@ pub const MIN: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::min(b, a, c) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a b f32x4.pmin", f64x2: "a b f64x2.pmin" },
+    lowering: Lowering::Instructions {
+        f32x4: "a b f32x4.pmin",
+        f64x2: "a b f64x2.pmin",
+        shader: scalar("b a flt b a select"),
+    },
 };
 
 pub const MAX: OpDef = OpDef {
@@ -227,7 +240,11 @@ pub const MAX: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real, c: real| -> Real { enclose::max(b, a, c) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a b f32x4.pmax", f64x2: "a b f64x2.pmax" },
+    lowering: Lowering::Instructions {
+        f32x4: "a b f32x4.pmax",
+        f64x2: "a b f64x2.pmax",
+        shader: scalar("a b flt b a select"),
+    },
 };
 
 pub const FLOOR: OpDef = OpDef {
@@ -249,7 +266,7 @@ pub const FLOOR: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real| -> Real { enclose::ends(b, Op::Floor, a) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a f32x4.floor", f64x2: "a f64x2.floor" },
+    lowering: Lowering::Instructions { f32x4: "a f32x4.floor", f64x2: "a f64x2.floor", shader: scalar("a ffloor") },
 };
 
 /// An operation of its own, because it is enclosed more tightly than its formula (LANGUAGE 15.4).
@@ -332,7 +349,7 @@ pub const CEIL: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real| -> Real { enclose::ends(b, Op::Ceil, a) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a f32x4.ceil", f64x2: "a f64x2.ceil" },
+    lowering: Lowering::Instructions { f32x4: "a f32x4.ceil", f64x2: "a f64x2.ceil", shader: scalar("a fceil") },
 };
 
 pub const TRUNC: OpDef = OpDef {
@@ -354,7 +371,7 @@ pub const TRUNC: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, a: real| -> Real { enclose::ends(b, Op::Trunc, a) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "a f32x4.trunc", f64x2: "a f64x2.trunc" },
+    lowering: Lowering::Instructions { f32x4: "a f32x4.trunc", f64x2: "a f64x2.trunc", shader: scalar("a ftrunc") },
 };
 
 pub const ROUND: OpDef = OpDef {

@@ -4,12 +4,14 @@
 
 use super::{
     Accuracy, B, Derivative, EnclosureRule, I, Kink, Lowering, OpDef, R, enclose::enclosed, enclose::truth, eval, kink,
+    scalar,
 };
 use crate::{NodeId, Scalar};
 
 const ANY: (f64, f64) = (-100.0, 100.0);
 const TRUTH: (f64, f64) = (0.0, 1.0);
 
+#[expect(clippy::too_many_arguments, reason = "the fields of one literal")]
 const fn compare(
     name: &'static str,
     formula: &'static str,
@@ -18,6 +20,7 @@ const fn compare(
     enclosure: EnclosureRule,
     f32x4: &'static str,
     f64x2: &'static str,
+    shader: &'static str,
 ) -> OpDef {
     OpDef {
         name,
@@ -38,10 +41,11 @@ const fn compare(
         accuracy: Accuracy::Exact,
         enclosure,
         cost: 1,
-        lowering: Lowering::Lanes { f32x4, f64x2 },
+        lowering: Lowering::Instructions { f32x4, f64x2, shader: scalar(shader) },
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "the fields of one literal")]
 const fn logic(
     name: &'static str,
     operands: &'static [Scalar],
@@ -50,6 +54,7 @@ const fn logic(
     eval: super::Eval,
     enclosure: EnclosureRule,
     lanes: &'static str,
+    shader: &'static str,
 ) -> OpDef {
     OpDef {
         name,
@@ -64,7 +69,7 @@ const fn logic(
         accuracy: Accuracy::Exact,
         enclosure,
         cost: 1,
-        lowering: Lowering::Lanes { f32x4: lanes, f64x2: lanes },
+        lowering: Lowering::Instructions { f32x4: lanes, f64x2: lanes, shader: scalar(shader) },
     }
 }
 
@@ -76,6 +81,7 @@ pub const LT: OpDef = compare(
     enclosed!(|b, facts; a: real, c: real| -> Bool { truth::lt(b, a, c, facts.same) }),
     "a b f32x4.lt",
     "a b f64x2.lt",
+    "a b flt",
 );
 pub const LE: OpDef = compare(
     "le",
@@ -85,6 +91,7 @@ pub const LE: OpDef = compare(
     enclosed!(|b, facts; a: real, c: real| -> Bool { truth::le(b, a, c, facts.same) }),
     "a b f32x4.le",
     "a b f64x2.le",
+    "a b fle",
 );
 pub const EQ: OpDef = compare(
     "eq",
@@ -94,6 +101,7 @@ pub const EQ: OpDef = compare(
     enclosed!(|b, facts; a: real, c: real| -> Bool { truth::eq(b, a, c, facts.same) }),
     "a b f32x4.eq",
     "a b f64x2.eq",
+    "a b feq",
 );
 pub const NE: OpDef = compare(
     "ne",
@@ -103,6 +111,7 @@ pub const NE: OpDef = compare(
     enclosed!(|b, facts; a: real, c: real| -> Bool { truth::not(truth::eq(b, a, c, facts.same)) }),
     "a b f32x4.ne",
     "a b f64x2.ne",
+    "a b fne",
 );
 
 pub const AND: OpDef = logic(
@@ -113,6 +122,7 @@ pub const AND: OpDef = logic(
     eval!(|a: Bool, b: Bool| -> Bool { a & b }),
     enclosed!(|b, p: truth, q: truth| -> Bool { truth::and(b, p, q) }),
     "a b v128.and",
+    "a b and",
 );
 pub const OR: OpDef = logic(
     "or",
@@ -122,6 +132,7 @@ pub const OR: OpDef = logic(
     eval!(|a: Bool, b: Bool| -> Bool { a | b }),
     enclosed!(|b, p: truth, q: truth| -> Bool { truth::or(b, p, q) }),
     "a b v128.or",
+    "a b or",
 );
 pub const NOT: OpDef = logic(
     "not",
@@ -131,6 +142,7 @@ pub const NOT: OpDef = logic(
     eval!(|a: Bool| -> Bool { !a }),
     enclosed!(|_b, p: truth| -> Bool { truth::not(p) }),
     "a v128.not",
+    "a not",
 );
 
 pub const SELECT: OpDef = OpDef {
@@ -150,7 +162,11 @@ pub const SELECT: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, c: truth, x: real, y: real| -> Real { truth::select(b, c, x, y) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "b c a v128.bitselect", f64x2: "b c a v128.bitselect" },
+    lowering: Lowering::Instructions {
+        f32x4: "b c a v128.bitselect",
+        f64x2: "b c a v128.bitselect",
+        shader: scalar("a b c select"),
+    },
 };
 
 pub const SELECT_INT: OpDef = OpDef {
@@ -166,7 +182,11 @@ pub const SELECT_INT: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, c: truth, x: int, y: int| -> Int { truth::select_int(b, c, x, y) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "b c a v128.bitselect", f64x2: "b c a low32 v128.bitselect" },
+    lowering: Lowering::Instructions {
+        f32x4: "b c a v128.bitselect",
+        f64x2: "b c a low32 v128.bitselect",
+        shader: scalar("a b c select"),
+    },
 };
 
 pub const SELECT_BOOL: OpDef = OpDef {
@@ -182,5 +202,9 @@ pub const SELECT_BOOL: OpDef = OpDef {
     accuracy: Accuracy::Exact,
     enclosure: enclosed!(|b, c: truth, x: truth, y: truth| -> Bool { truth::select_bool(b, c, x, y) }),
     cost: 1,
-    lowering: Lowering::Lanes { f32x4: "b c a v128.bitselect", f64x2: "b c a v128.bitselect" },
+    lowering: Lowering::Instructions {
+        f32x4: "b c a v128.bitselect",
+        f64x2: "b c a v128.bitselect",
+        shader: scalar("a b c select"),
+    },
 };

@@ -1,11 +1,13 @@
 //! Enclosures of hand-made graphs: the rules of LANGUAGE 15 that need no source text.
 
+#[path = "../support/mod.rs"]
+mod support;
+
 use isograd_graph::{
     Builder, Graph, Mode, NodeId, Op, Origin, Part, Precision, Scalar, Unwatched, Value, evaluate, parse, print, verify,
 };
-use isograd_transform::{
-    DifferentiateError, Hull, Loops, Sweep, differentiate, enclosures, fold, kernels, optimise, schedule,
-};
+use isograd_transform::{DifferentiateError, Hull, Loops, Sweep, differentiate, enclosures, fold, optimise, schedule};
+use support::lane_kernels;
 
 mod interpreter;
 mod random;
@@ -58,7 +60,7 @@ fn expanded(graph: &Graph, sweep: Sweep) -> Graph {
 
 fn finished(graph: &Graph) -> Graph {
     let mut graph = verify(fold(graph, P, MANY, &Unwatched).unwrap()).unwrap().into_inner();
-    for step in [kernels, optimise, schedule] {
+    for step in [lane_kernels, optimise, schedule] {
         graph = verify(step(&graph, P, MANY, &Unwatched).unwrap()).unwrap().into_inner();
     }
     graph
