@@ -1,14 +1,15 @@
 //! What a request compiles to: bytes and a manifest that says how to call them.
 
+use isograd_graph::Precision;
 use isograd_syntax::Diagnostic;
 use serde::{Deserialize, Serialize};
 
-use crate::{DerivativeMode, Differentiability, Kink, Rate, Role};
+use crate::{DerivativeMode, Differentiability, Form, Kink, Rate, Role, Target};
 
 /// A compiled request.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Artefact {
-    /// The module, with the manifest in its custom section `isograd.manifest`.
+    /// The module: of WebAssembly with the manifest in its custom section `isograd.manifest`, of text in UTF-8.
     pub bytes: Vec<u8>,
     /// How to call it.
     pub manifest: Manifest,
@@ -16,11 +17,7 @@ pub struct Artefact {
     pub warnings: Vec<Diagnostic>,
 }
 
-/// How to call a module. The module exports `memory` and `eval(count: i32)`; a host writes each input's columns at
-/// their offsets, calls `eval` with 1 to `block` points, and reads the outputs' columns. A column of a varying input
-/// or an output has one element per point; a uniform input has one element. Reals are little-endian f32 or f64 by
-/// `precision`; ints and bools are i32, bools 0 or 1. The host fills a varying column up to the next multiple of
-/// `pad` points with copies of the last one. NaN outputs have all bits set.
+/// How to call a module. What its [`Abi`] is says how; in all of them NaN outputs have all bits set.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     /// The version of the compiler.
@@ -31,20 +28,19 @@ pub struct Manifest {
     pub export: String,
     /// `f32` or `f64`.
     pub precision: String,
+    /// What it is compiled to.
+    #[serde(default)]
+    pub target: Target,
+    /// What a host calls.
+    #[serde(default)]
+    pub form: Form,
     /// Inputs in the order of the export's parameters.
     pub inputs: Vec<Port>,
     /// Outputs in the order of the queries.
     pub outputs: Vec<Port>,
-    /// Most points per call.
-    pub block: u32,
-    /// Points per iteration.
-    pub pad: u32,
-    /// Bytes of the module's memory.
-    pub memory: u32,
-    /// Bytes of it that are neither input nor output: what the module keeps during a call, for the functions of a large
-    /// module and for loops that are differentiated in reverse.
-    #[serde(default)]
-    pub scratch: u32,
+    /// How numbers are handed over.
+    #[serde(flatten)]
+    pub abi: Abi,
     /// Operations of the graph, a measure of cost.
     pub operations: u32,
     /// Whether a loop of the module may run longer than 10,000 iterations per point: a host should bound its time.
@@ -60,6 +56,84 @@ pub struct Manifest {
     /// Where that is `smooth`: how smooth. Kinks have the width 10⁻³ times this.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity: Option<Number>,
+}
+
+/// How a host hands numbers over.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Abi {
+    /// Of a WebAssembly module: through its memory.
+    Memory(Memory),
+    /// Of a compute shader: through buffers.
+    Buffers(Buffers),
+    /// Of a function of a shader library: by value.
+    Function(FunctionAbi),
+}
+
+/// A WebAssembly module exports `memory` and `eval(count: i32)`; a host writes each input's columns at their offsets, in
+/// bytes, calls `eval` with 1 to `block` points, and reads the outputs' columns. A column of a varying input or an output
+/// has one element per point; a uniform input has one element. Reals are little-endian f32 or f64 by `precision`; ints
+/// and bools are i32, bools 0 or 1. The host fills a varying column up to the next multiple of `pad` points with copies
+/// of the last one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Memory {
+    /// Most points per call.
+    pub block: u32,
+    /// Points per iteration.
+    pub pad: u32,
+    /// Bytes of the module's memory.
+    pub memory: u32,
+    /// Bytes of it that are neither input nor output: what the module keeps during a call, for the functions of a large
+    /// module and for loops that are differentiated in reverse.
+    #[serde(default)]
+    pub scratch: u32,
+}
+
+/// A compute shader takes its columns from storage buffers, arrays of elements of `element` bytes. Element `i` of a column
+/// of a varying input or an output is at `offset · stride + i` of its buffer, with the stride of the call; a uniform
+/// input is at `offset`. Reals are little-endian f32 or f64 by `precision`; ints and bools (0 or 1) are sign-extended
+/// to the same size.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Buffers {
+    /// The name of the entry point.
+    pub entry: String,
+    /// Invocations of a workgroup; each computes a point.
+    pub workgroup: u32,
+    /// Bytes of an element.
+    pub element: u32,
+    /// Where buffers are bound.
+    pub bindings: Bindings,
+    /// Bytes of loop iterations that an invocation keeps for the reverse sweep.
+    pub tapes: u32,
+}
+
+/// Where the buffers of a compute shader are bound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Bindings {
+    /// The descriptor set; in WGSL the group.
+    pub set: u32,
+    /// Varying inputs, a storage buffer that is only read; absent if there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inputs: Option<u32>,
+    /// Outputs, a storage buffer.
+    pub outputs: u32,
+    /// What a call is about, a uniform buffer of four u32: `count`, `input_stride`, `output_stride`, `base`. Invocation
+    /// `x` computes point `base + x` if that is less than `count`.
+    pub call: u32,
+    /// Uniform inputs, a storage buffer that is only read; absent if there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uniforms: Option<u32>,
+}
+
+/// A function takes a value for each input port and returns one for its output port, or a struct of them if there are
+/// several. A value is a scalar for one column; a vector for two to four columns of one kind, an array for more; a struct
+/// for columns of several kinds. A port without columns is left out. Columns are numbered through by their offsets.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FunctionAbi {
+    /// Its name, that of the export.
+    pub function: String,
+    /// Bytes of loop iterations that a call keeps for the reverse sweep.
+    pub tapes: u32,
 }
 
 /// What specialisation left of a graph, in operations before transcendental functions are expanded.
@@ -86,6 +160,30 @@ pub struct Derivatives {
 }
 
 impl Manifest {
+    /// What reals are; `None` if the manifest names none of the precisions.
+    #[must_use]
+    pub fn precision(&self) -> Option<Precision> {
+        [Precision::F32, Precision::F64].into_iter().find(|p| p.name() == self.precision)
+    }
+
+    /// How to call it, if it is a WebAssembly module.
+    #[must_use]
+    pub const fn memory(&self) -> Option<&Memory> {
+        match &self.abi {
+            Abi::Memory(memory) => Some(memory),
+            Abi::Buffers(_) | Abi::Function(_) => None,
+        }
+    }
+
+    /// How to call it, if it is a compute shader.
+    #[must_use]
+    pub const fn buffers(&self) -> Option<&Buffers> {
+        match &self.abi {
+            Abi::Buffers(buffers) => Some(buffers),
+            Abi::Memory(_) | Abi::Function(_) => None,
+        }
+    }
+
     /// Bytes of an element of a column.
     #[must_use]
     pub fn element(&self, scalar: ColumnType) -> usize {
@@ -144,7 +242,7 @@ pub struct Column {
     pub name: String,
     /// What it holds.
     pub scalar: ColumnType,
-    /// Where it begins in the module's memory, a multiple of 16.
+    /// Where it begins, as its [`Abi`] counts; in WebAssembly a multiple of 16.
     pub offset: u32,
     /// Of an input: the value that the parameter has by default (LANGUAGE 9.3).
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -9,7 +9,8 @@ macro_rules! pages {
         /// The page about a diagnostic, in Markdown: the rule and its reason, an example that fails, the same
         /// example mended. Comments that start with `//@` in an example say what surrounds it: `file NAME` starts
         /// another file, `library NAME` registers the folder of that name, `limit NAME=VALUE` sets a limit, `query
-        /// QUERY` asks for something else than the value, `differentiability MODE` for another mode, `byte 0xFF` ends the first file with a byte.
+        /// QUERY` asks for something else than the value, `differentiability MODE` for another mode, `target TARGET` and `precision
+        /// PRECISION` for others, `byte 0xFF` ends the first file with a byte.
         #[must_use]
         pub const fn explain(code: Code) -> &'static str {
             match code {

@@ -8,6 +8,7 @@
 
 mod artefact;
 mod differentiability;
+mod emit;
 mod explain;
 mod inspect;
 mod interface;
@@ -22,11 +23,15 @@ mod strict;
 mod wanted;
 mod within;
 
-pub use artefact::{Artefact, Column, ColumnType, Derivatives, Manifest, Number, Port, Specialised};
+pub use artefact::{
+    Abi, Artefact, Bindings, Buffers, Column, ColumnType, Derivatives, FunctionAbi, Manifest, Memory, Number, Port,
+    Specialised,
+};
 pub use differentiability::{Differentiability, InvalidSensitivity, Sensitivity};
 pub use explain::explain;
 pub use inspect::inspect;
 pub use interface::{Argument, ArgumentColumn, Role, arguments};
+pub use isograd_graph::ops::Family;
 pub use isograd_graph::{Precision, Unwatched, Watch};
 pub use isograd_program::{Loader, ModulePath, ScalarKind, Type};
 pub use isograd_syntax::{Code, Diagnostic, Files, Limit, Limits, Severity, UnknownCode, render};
@@ -35,7 +40,7 @@ pub use loader::{MemoryLoader, WithStd, standard_library};
 pub use migrate::migrate;
 pub use pipeline::{Checked, Export, Options, Parameter, STEPS, check, compile, print_step};
 pub use request::{
-    DerivativeMode, FORMS, Query, QueryForm, Rate, Request, Target, Tolerance, UnknownQuery, Wrt, query_forms,
+    DerivativeMode, FORMS, Form, Query, QueryForm, Rate, Request, Target, Tolerance, UnknownQuery, Wrt, query_forms,
 };
 pub use rewrite::{Malformed, rewrite};
 pub use within::{InvalidWithin, Within};

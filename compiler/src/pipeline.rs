@@ -13,13 +13,15 @@ use isograd_transform::{
     Answering, DifferentiateError, Jump, KinkPlace, KinkReport, Smoothed, Suspect, Sweep, Width, answer, cost,
     differentiate, fold, kept_jumps, kernels, optimise, reverse_is_plausible, schedule, smooth, specialise, suspects,
 };
-use isograd_wasm::{EmitError, Plan, Split};
 
+use crate::emit::{emit, possible};
 use crate::inspect::Influences;
 use crate::kinks;
 use crate::seal::{self, Found, Identity};
 use crate::wanted::Wanting;
-use crate::{Artefact, DerivativeMode, Derivatives, Differentiability, Request, Specialised, WithStd, strict, within};
+use crate::{
+    Artefact, DerivativeMode, Derivatives, Differentiability, Request, Specialised, Target, WithStd, strict, within,
+};
 
 /// The steps of a compilation, in order. `--emit` and `--timings` name them.
 pub const STEPS: &[&str] = &[
@@ -201,7 +203,7 @@ pub(crate) fn reported(found: Diagnostics, limits: &Limits) -> Vec<Diagnostic> {
 /// What a step leaves, shown to an observer.
 enum Stage<'a> {
     Graph(&'a Graph),
-    Module(&'a [u8]),
+    Module(Target, &'a [u8]),
 }
 
 /// Compiles one request.
@@ -242,7 +244,7 @@ pub fn print_step(
         if name == step {
             text = Some(match stage {
                 Stage::Graph(graph) => isograd_graph::print(graph),
-                Stage::Module(bytes) => wasmprinter::print_bytes(bytes).unwrap_or_else(|e| format!(";; {e}\n")),
+                Stage::Module(target, bytes) => printed(target, bytes),
             });
         }
     })?;
@@ -259,6 +261,7 @@ fn run(
     let Some(program) = &checked.program else { return Err(checked.diagnostics.clone()) };
     let limits = &options.limits;
     let nodes = usize::try_from(limits.derived_nodes).unwrap_or(usize::MAX);
+    possible(request).map_err(|d| vec![d])?;
     let wanting = Wanting::of(program, request, limits).map_err(|d| vec![*d])?;
     let width = request.width().map_err(|d| vec![*d])?;
     let boxes = within::boxes(request, &wanting).map_err(|d| vec![*d])?;
@@ -317,7 +320,7 @@ fn run(
     let graph = steps.checked("specialise", graph, observe)?;
 
     watch.step("kernels");
-    let graph = kernels(&graph, precision, nodes, watch).map_err(|e| steps.exhausted(e))?;
+    let graph = kernels(&graph, precision, request.target.family(), nodes, watch).map_err(|e| steps.exhausted(e))?;
     let graph = steps.checked("kernels", graph, observe)?;
 
     watch.step("optimise");
@@ -330,17 +333,16 @@ fn run(
 
     watch.step("emit");
     let verified = verify(graph).map_err(|e| vec![internal(&e.to_string())])?;
-    let emission =
-        isograd_wasm::Options { precision, varying: &wanting.varying, vectors: None, split: Split::default() };
-    let written = Plan::new(&verified, &emission).and_then(Plan::write).map_err(|e| vec![unemittable(&e)])?;
+    let place = |code, origin, message: &str| steps.placed(code, origin, message);
+    let emitted = emit(&verified, request, &wanting, place).map_err(|d| vec![d])?;
 
     watch.step("seal");
     let identity = Identity::of(&checked.digest, request, &wanting);
     let found = Found { derivatives, zeros: &zeros, jumps: &jumps, kinks: &kinks, specialised };
-    let manifest = seal::manifest(&identity, request, &wanting, parameters, &written.layout, written.facts, found);
-    let bytes = written.seal(&serde_json::to_vec(&manifest).unwrap_or_default()).bytes;
-    observe("emit", Stage::Module(&bytes));
-    observe("seal", Stage::Module(&bytes));
+    let manifest = seal::manifest(&identity, request, &wanting, parameters, &emitted.places, emitted.work, found);
+    let bytes = emitted.seal(&manifest);
+    observe("emit", Stage::Module(request.target, &bytes));
+    observe("seal", Stage::Module(request.target, &bytes));
     Ok(Artefact { bytes, manifest, warnings })
 }
 
@@ -612,6 +614,11 @@ fn internal(what: &str) -> Diagnostic {
         .help("this is a bug of Isograd: please report it with the program")
 }
 
-fn unemittable(why: &EmitError) -> Diagnostic {
-    Diagnostic::global(Code::E1103, format!("the module cannot be emitted: {why}"))
+/// A module as text.
+fn printed(target: Target, bytes: &[u8]) -> String {
+    match target {
+        Target::Wasm => wasmprinter::print_bytes(bytes).unwrap_or_else(|e| format!(";; {e}\n")),
+        Target::Spirv => isograd_spirv::disassemble(bytes).unwrap_or_else(|e| format!("; {e}\n")),
+        Target::Wgsl | Target::Glsl | Target::Hlsl | Target::Msl => String::from_utf8_lossy(bytes).into_owned(),
+    }
 }

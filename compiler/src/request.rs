@@ -5,6 +5,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use isograd_graph::Precision;
+use isograd_graph::ops::Family;
 use serde::{Deserialize, Serialize};
 
 use crate::{Differentiability, Number, Sensitivity};
@@ -23,6 +24,8 @@ pub struct Request {
     pub rates: BTreeMap<String, Rate>,
     /// The target.
     pub target: Target,
+    /// What a host calls.
+    pub form: Form,
     /// Which way derivatives are computed.
     pub mode: DerivativeMode,
     /// What becomes of operations that have no derivative somewhere.
@@ -79,6 +82,87 @@ pub enum Target {
     /// WebAssembly with 128-bit SIMD.
     #[default]
     Wasm,
+    /// SPIR-V 1.3 for Vulkan 1.1.
+    Spirv,
+    /// WGSL for WebGPU. It cannot forbid that sums of products are fused.
+    Wgsl,
+    /// GLSL 4.50, translated from the WGSL; its compilers may round otherwise.
+    Glsl,
+    /// HLSL of shader model 6.0, translated likewise.
+    Hlsl,
+    /// The Metal Shading Language 2.4, translated likewise.
+    Msl,
+}
+
+impl Target {
+    /// All targets, the default first.
+    pub const ALL: [Self; 6] = [Self::Wasm, Self::Spirv, Self::Wgsl, Self::Glsl, Self::Hlsl, Self::Msl];
+
+    /// `wasm`, `spirv`, …
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Wasm => "wasm",
+            Self::Spirv => "spirv",
+            Self::Wgsl => "wgsl",
+            Self::Glsl => "glsl",
+            Self::Hlsl => "hlsl",
+            Self::Msl => "msl",
+        }
+    }
+
+    /// What names of files with such modules end in.
+    #[must_use]
+    pub const fn extension(self) -> &'static str {
+        match self {
+            Self::Wasm => "wasm",
+            Self::Spirv => "spv",
+            Self::Wgsl => "wgsl",
+            Self::Glsl => "comp",
+            Self::Hlsl => "hlsl",
+            Self::Msl => "metal",
+        }
+    }
+
+    /// Whether its modules are bytes; the others are text.
+    #[must_use]
+    pub const fn is_binary(self) -> bool {
+        matches!(self, Self::Wasm | Self::Spirv)
+    }
+
+    /// The targets with which it shares its instructions.
+    #[must_use]
+    pub const fn family(self) -> Family {
+        match self {
+            Self::Wasm => Family::Lanes,
+            Self::Spirv | Self::Wgsl | Self::Glsl | Self::Hlsl | Self::Msl => Family::Shader,
+        }
+    }
+}
+
+/// What a host calls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Form {
+    /// A whole that computes all points of a call.
+    #[default]
+    Kernel,
+    /// A function of one point, for programs that link or contain it. Shader targets only.
+    Library,
+}
+
+impl Form {
+    /// All forms, the default first.
+    pub const ALL: [Self; 2] = [Self::Kernel, Self::Library];
+
+    /// `kernel` or `library`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Kernel => "kernel",
+            Self::Library => "library",
+        }
+    }
 }
 
 /// What is wanted of an export, in one of the [`FORMS`].

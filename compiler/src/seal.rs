@@ -2,15 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use isograd_graph::Scalar;
+use isograd_graph::{Scalar, Work};
 use isograd_syntax::Files;
-use isograd_wasm::{Facts, Layout};
 use serde::Serialize;
 
 use crate::wanted::{Answer, Wanting};
 use crate::{
-    Argument, Column, ColumnType, DerivativeMode, Derivatives, Differentiability, Kink, Manifest, Number, Parameter,
-    Port, Rate, Request, Role, Specialised, Target, within,
+    Abi, Argument, Column, ColumnType, DerivativeMode, Derivatives, Differentiability, Form, Kink, Manifest, Number,
+    Parameter, Port, Rate, Request, Role, Specialised, Target, within,
 };
 
 /// The canonical form of a request: everything that can change a byte of the artefact. Its id is the BLAKE3 of its
@@ -24,6 +23,7 @@ pub struct Identity {
     precision: &'static str,
     rates: Vec<(String, Rate)>,
     target: Target,
+    form: Form,
     mode: DerivativeMode,
     differentiability: Differentiability,
     sensitivity: Option<Number>,
@@ -43,6 +43,7 @@ impl Identity {
             // As resolved: a default that is spelled out changes nothing.
             rates: wanting.parameters.iter().map(|(name, _, rate)| (name.clone(), *rate)).collect(),
             target: request.target,
+            form: request.form,
             mode: request.mode,
             differentiability: request.differentiability,
             sensitivity: sensitivity(request),
@@ -68,6 +69,17 @@ pub fn digest(files: &Files) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
+/// Where the numbers of a module are.
+#[derive(Debug, Clone)]
+pub struct Places {
+    /// How they are handed over.
+    pub abi: Abi,
+    /// Per input of the graph: what it is, and its column's offset.
+    pub inputs: Vec<(Scalar, u32)>,
+    /// Per output.
+    pub outputs: Vec<(Scalar, u32)>,
+}
+
 /// What the transforms found of the outputs.
 #[derive(Debug, Clone, Copy)]
 pub struct Found<'a> {
@@ -89,11 +101,11 @@ pub fn manifest(
     request: &Request,
     wanting: &Wanting,
     parameters: &[Parameter],
-    layout: &Layout,
-    facts: Facts,
+    places: &Places,
+    work: Work,
     found: Found<'_>,
 ) -> Manifest {
-    let mut slots = layout.inputs.iter();
+    let mut slots = places.inputs.iter();
     let input = |argument: &Argument| {
         let names = argument.columns.iter().map(|c| c.name.clone());
         let mut columns: Vec<Column> = names.zip(slots.by_ref()).map(column).collect();
@@ -105,7 +117,7 @@ pub fn manifest(
         Some(Port { name, ty, rate: *rate, role: argument.role, jumps: Vec::new(), kinks: Vec::new(), columns })
     };
     let inputs = wanting.arguments.iter().filter_map(input).collect();
-    let mut slots = layout.outputs.iter();
+    let mut slots = places.outputs.iter();
     let mut zeros = found.zeros.iter();
     let mut jumps = found.jumps.iter();
     let output = |query: &Answer| {
@@ -130,12 +142,11 @@ pub fn manifest(
         precision: request.precision.name().to_owned(),
         inputs,
         outputs,
-        block: layout.block,
-        pad: layout.pad,
-        memory: layout.memory,
-        scratch: layout.scratch,
-        operations: u32::try_from(facts.operations).unwrap_or(u32::MAX),
-        unbounded: facts.long_loop,
+        target: request.target,
+        form: request.form,
+        abi: places.abi.clone(),
+        operations: u32::try_from(work.operations).unwrap_or(u32::MAX),
+        unbounded: work.long_loop,
         derivatives: found.derivatives,
         specialised: found.specialised,
         differentiability: request.differentiability,
@@ -161,11 +172,11 @@ fn describe(columns: &mut [Column], argument: &Argument, parameter: &Parameter, 
     }
 }
 
-fn column((name, slot): (String, &isograd_wasm::Slot)) -> Column {
-    let scalar = match slot.scalar {
+fn column((name, (scalar, offset)): (String, &(Scalar, u32))) -> Column {
+    let scalar = match scalar {
         Scalar::Real => ColumnType::Real,
         Scalar::Int => ColumnType::Int,
         Scalar::Bool => ColumnType::Bool,
     };
-    Column { name, scalar, offset: slot.offset, default: None, within: None, range: None, zero: false }
+    Column { name, scalar, offset: *offset, default: None, within: None, range: None, zero: false }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use isograd_compiler::{
     Checked, Code, Diagnostic, Differentiability, Limits, Loader, MemoryLoader, ModulePath, Options, Precision, Query,
-    Request, Watch, check, compile, explain, render,
+    Request, Target, Watch, check, compile, explain, render,
 };
 
 /// Codes that no program is known to raise, with the reason.
@@ -86,6 +86,7 @@ struct Example {
     queries: Vec<Query>,
     precision: Precision,
     differentiability: Differentiability,
+    target: Target,
 }
 
 const ENTRY: &str = "main.vola";
@@ -122,6 +123,10 @@ impl Example {
                     let named = Differentiability::ALL.into_iter().find(|d| d.name() == value);
                     this.differentiability = named.unwrap_or_else(|| panic!("differentiability `{value}`"));
                 }
+                "target" => {
+                    let named = Target::ALL.into_iter().find(|t| t.name() == value);
+                    this.target = named.unwrap_or_else(|| panic!("target `{value}`"));
+                }
                 "byte" => {
                     let digits = value.strip_prefix("0x").expect("0xFF");
                     last.push(u8::from_str_radix(digits, 16).expect("a byte"));
@@ -149,6 +154,7 @@ impl Example {
                 queries,
                 precision: self.precision,
                 differentiability: self.differentiability,
+                target: self.target,
                 ..Request::default()
             };
             let more = compile(&checked, &request, &options, self).map_or_else(|errors| errors, |a| a.warnings);

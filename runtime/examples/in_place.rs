@@ -37,7 +37,7 @@ fn main() {
                     }
                     least = least.min(begin.elapsed().as_secs_f64() * 1e9 / (20 * block) as f64);
                 }
-                let pad = artefact.manifest.pad;
+                let pad = artefact.manifest.memory().expect("a WebAssembly module").pad;
                 println!("sphere {name}, {}, {pad} points at a time, {block} a call: {least:.3} ns", precision.name());
             }
         }

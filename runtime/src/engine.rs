@@ -7,6 +7,7 @@ use isograd_compiler::Artefact;
 use wasmtime::{Config, Engine, Module, OptLevel};
 
 use crate::Kernel;
+use crate::kernel::memory;
 
 /// How often a deadline is looked at in modules with long loops.
 pub(crate) const TICK: Duration = Duration::from_millis(5);
@@ -103,8 +104,9 @@ impl Runtime {
             let (operations, limit) = (manifest.operations, self.settings.max_operations);
             return Err(LoadError::Operations { operations, limit });
         }
-        if manifest.memory > self.settings.max_memory {
-            return Err(LoadError::Memory { bytes: manifest.memory, limit: self.settings.max_memory });
+        let bytes = memory(manifest)?.memory;
+        if bytes > self.settings.max_memory {
+            return Err(LoadError::Memory { bytes, limit: self.settings.max_memory });
         }
         let engine = self.engine(manifest.operations <= SMALL, manifest.unbounded)?;
         let module = Module::new(engine, &artefact.bytes).map_err(|e| LoadError::Module(format!("{e:#}")))?;

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use isograd_compiler::Manifest;
+use isograd_compiler::{Manifest, Memory as Abi};
 use wasmtime::{Memory, Module, Store, StoreLimits, StoreLimitsBuilder, Trap, TypedFunc};
 
 use crate::engine::TICK;
@@ -24,9 +24,9 @@ pub struct Instance {
 }
 
 impl Instance {
-    pub(crate) fn new(module: &Module, manifest: &Manifest) -> Result<Self, EvalError> {
+    pub(crate) fn new(module: &Module, manifest: &Manifest, abi: &Abi) -> Result<Self, EvalError> {
         let failed = |e: wasmtime::Error| EvalError::Instance(format!("{e:#}"));
-        let limits = StoreLimitsBuilder::new().memory_size(manifest.memory as usize).memories(1).instances(1).build();
+        let limits = StoreLimitsBuilder::new().memory_size(abi.memory as usize).memories(1).instances(1).build();
         let mut store = Store::new(module.engine(), limits);
         store.limiter(|limits| limits);
         let interruptible = manifest.unbounded;
@@ -38,10 +38,10 @@ impl Instance {
         let memory = instance
             .get_memory(&mut store, "memory")
             .ok_or_else(|| EvalError::Instance("the module has no memory".to_owned()))?;
-        if memory.data_size(&store) != manifest.memory as usize {
+        if memory.data_size(&store) != abi.memory as usize {
             return Err(EvalError::Instance("the memory is not as large as the manifest says".to_owned()));
         }
-        let block = manifest.block as usize;
+        let block = abi.block as usize;
         let place = |ports: &[isograd_compiler::Port]| {
             let columns = ports.iter().flat_map(|port| port.columns.iter().map(move |column| (port, column)));
             columns
@@ -52,7 +52,7 @@ impl Instance {
                 .collect()
         };
         let (inputs, outputs) = (place(&manifest.inputs), place(&manifest.outputs));
-        Ok(Self { store, memory, eval, interruptible, block, pad: manifest.pad as usize, inputs, outputs })
+        Ok(Self { store, memory, eval, interruptible, block, pad: abi.pad as usize, inputs, outputs })
     }
 
     /// Most points per run.

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-use isograd_compiler::{Column as Declared, ColumnType, Differentiability, Manifest, Precision, Rate};
+use isograd_compiler::{Column as Declared, ColumnType, Differentiability, Manifest, Memory, Precision, Rate};
 use rayon::prelude::*;
 use wasmtime::Module;
 
@@ -95,6 +95,7 @@ const MAX_RESULTS: u128 = 8 << 30;
 pub struct Kernel {
     module: Module,
     manifest: Manifest,
+    abi: Memory,
     precision: Precision,
     weight: u64,
     /// Instances that no thread uses now.
@@ -105,25 +106,24 @@ pub struct Kernel {
 
 impl Kernel {
     pub(crate) fn new(module: Module, manifest: Manifest, weight: u64, alive: Arc<()>) -> Result<Self, LoadError> {
-        let precision = match manifest.precision.as_str() {
-            "f32" => Precision::F32,
-            "f64" => Precision::F64,
-            other => return Err(LoadError::Module(format!("unknown precision `{other}`"))),
+        let Some(precision) = manifest.precision() else {
+            return Err(LoadError::Module(format!("unknown precision `{}`", manifest.precision)));
         };
-        if manifest.block == 0 || manifest.pad == 0 || !manifest.block.is_multiple_of(manifest.pad) {
+        let abi = *memory(&manifest)?;
+        if abi.block == 0 || abi.pad == 0 || !abi.block.is_multiple_of(abi.pad) {
             return Err(LoadError::Module("the manifest's block is no multiple of its pad".to_owned()));
         }
         // Columns outside of the memory would be read as nothing, and written to no effect.
         for port in manifest.inputs.iter().chain(&manifest.outputs) {
-            let elements = if port.rate == Rate::Varying { u64::from(manifest.block) } else { 1 };
+            let elements = if port.rate == Rate::Varying { u64::from(abi.block) } else { 1 };
             for column in &port.columns {
                 let end = u64::from(column.offset) + elements * manifest.element(column.scalar) as u64;
-                if !column.offset.is_multiple_of(16) || end > u64::from(manifest.memory) {
+                if !column.offset.is_multiple_of(16) || end > u64::from(abi.memory) {
                     return Err(LoadError::Module(format!("the column `{}` does not lie in the memory", column.name)));
                 }
             }
         }
-        Ok(Self { module, manifest, precision, weight, idle: Mutex::new(Vec::new()), _alive: alive })
+        Ok(Self { module, manifest, abi, precision, weight, idle: Mutex::new(Vec::new()), _alive: alive })
     }
 
     /// How to call it.
@@ -142,7 +142,7 @@ impl Kernel {
     /// # Errors
     /// If wasmtime cannot make one.
     pub fn instance(&self) -> Result<Instance, EvalError> {
-        Instance::new(&self.module, &self.manifest)
+        Instance::new(&self.module, &self.manifest, &self.abi)
     }
 
     /// Evaluates `points` points. `inputs` has one entry per input scalar of the manifest, all ports in order: one
@@ -156,14 +156,14 @@ impl Kernel {
         points: usize,
         options: &EvalOptions,
     ) -> Result<Vec<Column>, EvalError> {
-        self.check(inputs, points)?;
+        fits(&self.manifest, inputs, points)?;
         let outputs = || self.manifest.outputs.iter().flat_map(|port| &port.columns);
         let bytes = outputs().map(|c| self.manifest.element(c.scalar) as u128).sum::<u128>() * points as u128;
         if bytes > MAX_RESULTS {
             return Err(EvalError::Memory { points, bytes });
         }
         let mut columns: Vec<Column> = outputs().map(|c| Column::zeros(c.scalar, self.precision, points)).collect();
-        let block = self.manifest.block as usize;
+        let block = self.abi.block as usize;
         let mut blocks: Vec<Vec<Piece<'_>>> = (0..points.div_ceil(block)).map(|_| Vec::new()).collect();
         for column in &mut columns {
             for (pieces, piece) in blocks.iter_mut().zip(column.pieces(block)) {
@@ -187,42 +187,6 @@ impl Kernel {
             blocks.into_par_iter().enumerate().try_for_each(work)?;
         }
         Ok(columns)
-    }
-
-    fn check(&self, inputs: &[Values<'_>], points: usize) -> Result<(), EvalError> {
-        let declared: Vec<(&Declared, Rate)> =
-            self.manifest.inputs.iter().flat_map(|port| port.columns.iter().map(|c| (c, port.rate))).collect();
-        if declared.len() != inputs.len() {
-            return Err(EvalError::Columns { given: inputs.len(), wanted: declared.len() });
-        }
-        for ((column, rate), values) in declared.iter().zip(inputs) {
-            let (name, given) = (column.name.clone(), values.len());
-            let fits = given == 1 || (*rate == Rate::Varying && given == points);
-            if !fits {
-                let wanted = if *rate == Rate::Varying { format!("1 or {points}") } else { "1".to_owned() };
-                return Err(EvalError::Length { column: name, given, wanted });
-            }
-            if !values.fits(column.scalar) {
-                return Err(EvalError::Kind { column: name, holds: column.scalar.describe() });
-            }
-            self.inside(column, *values)?;
-        }
-        Ok(())
-    }
-
-    /// Refuses numbers for which the module gives no meaningful results: outside of the box it is specialised to, or,
-    /// in `strict`, outside of the ranges that its proofs assume (LANGUAGE 9.3).
-    fn inside(&self, column: &Declared, values: Values<'_>) -> Result<(), EvalError> {
-        let proved = column.range.filter(|_| self.manifest.differentiability == Differentiability::Strict);
-        for (ends, why) in [(column.within, "specialised to numbers"), (proved, "proved for numbers")] {
-            let Some([lo, hi]) = ends else { continue };
-            // Numbers are compared as the module reads them.
-            let read = |x: f64| if column.scalar == ColumnType::Real { self.precision.round(x) } else { x };
-            if let Some((point, value)) = values.first_outside(read(lo.0), read(hi.0), read) {
-                return Err(EvalError::Outside { column: column.name.clone(), point, value, lo: lo.0, hi: hi.0, why });
-            }
-        }
-        Ok(())
     }
 
     /// Evaluates one block with an idle instance.
@@ -256,4 +220,52 @@ impl Kernel {
         self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(instance);
         Ok(())
     }
+}
+
+/// How to call a WebAssembly module.
+pub(crate) fn memory(manifest: &Manifest) -> Result<&Memory, LoadError> {
+    manifest.memory().ok_or_else(|| {
+        LoadError::Module(format!("it is compiled to `{}`; the runtime takes `wasm`", manifest.target.name()))
+    })
+}
+
+/// Whether inputs can be given to a module: so many columns, so long, of the right kinds, inside of what it is compiled for.
+///
+/// # Errors
+/// In what way not.
+pub fn fits(manifest: &Manifest, inputs: &[Values<'_>], points: usize) -> Result<(), EvalError> {
+    let declared: Vec<(&Declared, Rate)> =
+        manifest.inputs.iter().flat_map(|port| port.columns.iter().map(|c| (c, port.rate))).collect();
+    if declared.len() != inputs.len() {
+        return Err(EvalError::Columns { given: inputs.len(), wanted: declared.len() });
+    }
+    for ((column, rate), values) in declared.iter().zip(inputs) {
+        let (name, given) = (column.name.clone(), values.len());
+        let fits = given == 1 || (*rate == Rate::Varying && given == points);
+        if !fits {
+            let wanted = if *rate == Rate::Varying { format!("1 or {points}") } else { "1".to_owned() };
+            return Err(EvalError::Length { column: name, given, wanted });
+        }
+        if !values.fits(column.scalar) {
+            return Err(EvalError::Kind { column: name, holds: column.scalar.describe() });
+        }
+        inside(manifest, column, *values)?;
+    }
+    Ok(())
+}
+
+/// Refuses numbers for which the module gives no meaningful results: outside of the box it is specialised to, or, in
+/// `strict`, outside of the ranges that its proofs assume (LANGUAGE 9.3).
+fn inside(manifest: &Manifest, column: &Declared, values: Values<'_>) -> Result<(), EvalError> {
+    let proved = column.range.filter(|_| manifest.differentiability == Differentiability::Strict);
+    for (ends, why) in [(column.within, "specialised to numbers"), (proved, "proved for numbers")] {
+        let Some([lo, hi]) = ends else { continue };
+        // Numbers are compared as the module reads them.
+        let precision = manifest.precision().filter(|_| column.scalar == ColumnType::Real);
+        let read = |x: f64| precision.map_or(x, |p| p.round(x));
+        if let Some((point, value)) = values.first_outside(read(lo.0), read(hi.0), read) {
+            return Err(EvalError::Outside { column: column.name.clone(), point, value, lo: lo.0, hi: hi.0, why });
+        }
+    }
+    Ok(())
 }

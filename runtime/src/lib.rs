@@ -15,4 +15,4 @@ mod upper_halves;
 pub use columns::{Column, Values};
 pub use engine::{LoadError, Runtime, Settings};
 pub use instance::Instance;
-pub use kernel::{EvalError, EvalOptions, Kernel};
+pub use kernel::{EvalError, EvalOptions, Kernel, fits};

@@ -194,6 +194,13 @@ fn limits_refuse_before_compiling() {
     assert!(matches!(Runtime::default().load(&broken), Err(LoadError::Module(_))));
 }
 
+fn memory(manifest: &mut isograd_compiler::Manifest) -> &mut isograd_compiler::Memory {
+    match &mut manifest.abi {
+        isograd_compiler::Abi::Memory(memory) => memory,
+        other => panic!("{other:?}"),
+    }
+}
+
 /// A manifest is read from files: it may say anything.
 #[test]
 fn manifests_that_do_not_fit_are_refused() {
@@ -204,11 +211,11 @@ fn manifests_that_do_not_fit_are_refused() {
         matches!(Runtime::default().load(&wrong), Err(LoadError::Module(_)))
     };
     assert!(!refused(&|_| {}));
-    assert!(refused(&|m| m.outputs[0].columns[0].offset = m.memory));
+    assert!(refused(&|m| m.outputs[0].columns[0].offset = memory(m).memory));
     assert!(refused(&|m| m.inputs[1].columns[0].offset += 1));
-    assert!(refused(&|m| m.pad = 3));
+    assert!(refused(&|m| memory(m).pad = 3));
     let mut larger = good.clone();
-    larger.manifest.memory += 65_536;
+    memory(&mut larger.manifest).memory += 65_536;
     let kernel = Runtime::default().load(&larger).expect("compiles");
     assert!(matches!(kernel.instance(), Err(EvalError::Instance(_))));
 }

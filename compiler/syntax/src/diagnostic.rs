@@ -110,6 +110,7 @@ codes! {
     E1010 "too many parameters or results";
     E1011 "compilation took too long";
     E1012 "too many diagnostics";
+    E1101 "target that cannot do this";
     E1102 "bad request";
     E1103 "error of the compiler";
     W0301 "declaration hides one of a library";

@@ -3,7 +3,8 @@
 #![allow(dead_code, clippy::pedantic, reason = "shared by programs of which each uses a part")]
 
 use isograd_compiler::{
-    Artefact, Column, ColumnType, DerivativeMode, Derivatives, Differentiability, Manifest, Port, Rate, Role,
+    Abi, Artefact, Column, ColumnType, DerivativeMode, Derivatives, Differentiability, Form, Manifest, Memory, Port,
+    Rate, Role, Target,
 };
 use isograd_graph::{Builder, Mode, NodeId, Precision, Scalar, Unwatched, verify};
 use isograd_wasm::{Options, Plan, Slot, Split, Vectors};
@@ -19,7 +20,7 @@ pub fn artefact(
     build(&mut builder);
     let graph = verify(builder.finish().expect("within budget")).expect("well formed");
     let plan = Plan::new(&graph, &Options { precision, varying, vectors, split: Split::default() }).expect("plans");
-    let (layout, facts) = (plan.layout().clone(), plan.facts());
+    let (layout, work) = (plan.layout().clone(), plan.work());
     let module = plan.emit(b"").expect("emits");
     let port = |name: &str, slot: &Slot| {
         let scalar = match slot.scalar {
@@ -55,12 +56,16 @@ pub fn artefact(
         precision: precision.name().to_owned(),
         inputs: graph.inputs.iter().zip(&layout.inputs).map(|(input, slot)| port(&input.name, slot)).collect(),
         outputs: graph.outputs.iter().zip(&layout.outputs).map(|(output, slot)| port(&output.name, slot)).collect(),
-        block: layout.block,
-        pad: layout.pad,
-        memory: layout.memory,
-        scratch: layout.scratch,
-        operations: facts.operations as u32,
-        unbounded: facts.long_loop,
+        target: Target::Wasm,
+        form: Form::Kernel,
+        abi: Abi::Memory(Memory {
+            block: layout.block,
+            pad: layout.pad,
+            memory: layout.memory,
+            scratch: layout.scratch,
+        }),
+        operations: work.operations as u32,
+        unbounded: work.long_loop,
         derivatives: Derivatives { mode: DerivativeMode::Forward, forward: None, reverse: None },
         differentiability: Differentiability::Exact,
         sensitivity: None,
