@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use isograd_compiler::{
-    DerivativeMode, Differentiability, InvalidWithin, Number, Precision, Query, STEPS, Sensitivity, Within, query_forms,
+    DerivativeMode, Differentiability, Form, InvalidWithin, Number, Precision, Query, STEPS, Sensitivity, Target,
+    Within, query_forms,
 };
 use isograd_server::Config;
 
@@ -31,15 +32,24 @@ pub enum Command {
     Check(Check),
     /// List the exports of a program: documentation, parameters with defaults and ranges, results.
     Describe(Describe),
-    /// Compile exports to WebAssembly, or show what a step of the compiler makes of them.
+    /// Compile exports to WebAssembly or shaders, or show what a step of the compiler makes of them.
+    #[command(after_help = "\
+Examples:
+  isograd compile ball.vola --query value --query 'gradient(at)'
+  isograd compile ball.vola --target spirv --out-dir shaders
+  isograd compile ball.vola --target wgsl --form library -o -
+  isograd compile ball.vola --target spirv --emit emit")]
     Compile(Compile),
     /// Evaluate an export, or its derivatives, at points.
     #[command(after_help = "\
 Examples:
   isograd eval ball.vola --args 1,2,3 --query value --query 'gradient(at)'
   isograd eval ball.vola --points points.csv --set radius=0.5 --format csv
-  isograd eval ball.vola --set at=0,1,0,1,0,1 --set radius=0.5 --query 'bound(at)' --query 'lipschitz(at)'")]
+  isograd eval ball.vola --set at=0,1,0,1,0,1 --set radius=0.5 --query 'bound(at)' --query 'lipschitz(at)'
+  isograd eval ball.vola --points points.csv --set radius=0.5 --target spirv --format raw > values")]
     Eval(Eval),
+    /// List the Vulkan devices, which evaluate the target spirv, in the order of preference.
+    Devices(Devices),
     /// Format files in place: spaces, indentation, line ends; line breaks stay.
     Fmt(Fmt),
     /// Serve the HTTP API.
@@ -114,8 +124,11 @@ pub struct Compile {
     #[arg(long = "query", value_name = "QUERY", value_parser = query, help = query_help())]
     pub queries: Vec<Query>,
     /// What to compile to.
-    #[arg(long, value_enum, default_value_t = TargetName::Wasm)]
-    pub target: TargetName,
+    #[arg(long, value_name = "TARGET", default_value = Target::default().name(), value_parser = targets(|_| true))]
+    pub target: Target,
+    /// What a host calls.
+    #[arg(long, value_name = "FORM", default_value = Form::default().name(), value_parser = forms())]
+    pub form: Form,
     /// The precision of `real`.
     #[arg(long, value_enum, default_value_t = PrecisionName::F32)]
     pub precision: PrecisionName,
@@ -126,18 +139,18 @@ pub struct Compile {
     pub smoothing: Smoothing,
     #[command(flatten)]
     pub specialising: Specialising,
-    /// Print what a step of the compiler leaves instead of writing a module. `tree` is parse, `program` is check,
-    /// `graph` is optimise, `wat` is emit.
+    /// Print what a step of the compiler leaves instead of writing a module; `emit` prints WebAssembly and SPIR-V as
+    /// assembly. `tree` is parse, `program` is check, `graph` is optimise, `wat` is the emit of wasm.
     #[arg(long, value_name = "STEP", value_parser = PossibleValuesParser::new(emittable()))]
     pub emit: Option<String>,
     /// Print how long each step took and, with a module, which way its derivatives are computed.
     #[arg(long)]
     pub timings: bool,
-    /// Write to this file; `-` is the standard output.
+    /// Write to this file; `-` is the standard output. A WebAssembly module contains its manifest; that of another
+    /// module is written beside it, to FILE.json, which says how to call it. Beside the standard output there is none.
     #[arg(short = 'o', value_name = "FILE", conflicts_with = "out_dir")]
     pub output: Option<PathBuf>,
-    /// Write EXPORT.wasm for each export into this directory; by default the current one.
-    #[arg(long, value_name = "DIR", conflicts_with = "emit")]
+    #[arg(long, value_name = "DIR", conflicts_with = "emit", help = out_dir_help())]
     pub out_dir: Option<PathBuf>,
     #[command(flatten)]
     pub reading: Reading,
@@ -175,14 +188,30 @@ pub struct Eval {
     pub smoothing: Smoothing,
     #[command(flatten)]
     pub specialising: Specialising,
+    /// What to evaluate with. The results are the same bits, except where a device does not round as IEEE 754 says.
+    #[arg(long, value_name = "TARGET", default_value = Target::default().name(), value_parser = targets(can_run))]
+    pub target: Target,
+    /// With `--target spirv`, on which device: a part of its name, or `discrete`, `integrated`, `virtual`, `cpu`. By
+    /// default the first that `isograd devices` lists.
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
     /// How to write the results.
     #[arg(long, value_enum, default_value_t = Format::Table)]
     pub format: Format,
-    /// Give up after this many seconds.
+    /// Give up after this many seconds. With `--target spirv` a device is given the points piece by piece, some 64 MiB
+    /// of numbers each, and has so long for each.
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..))]
     pub deadline: u64,
     #[command(flatten)]
     pub reading: Reading,
+}
+
+/// `isograd devices`
+#[derive(Debug, Args)]
+pub struct Devices {
+    /// Write JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `isograd fmt`
@@ -260,6 +289,10 @@ pub enum Format {
     Json,
     /// A header and one row per point, in the order of the points.
     Csv,
+    /// The numbers alone, as bytes: the columns that `csv` has, in that order, each with the numbers of all points; no
+    /// header, nothing in between. All is little-endian: reals are f32 or f64, as `--precision` says, ints i32, truth
+    /// values i32, 0 or 1; a NaN has all bits set.
+    Raw,
 }
 
 /// The precision of `real`.
@@ -356,11 +389,55 @@ impl From<DifferentiabilityName> for Differentiability {
     }
 }
 
-/// What can be compiled to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum TargetName {
-    /// WebAssembly with 128-bit SIMD.
-    Wasm,
+/// The targets by name; of those that cannot be chosen here, what to choose instead.
+fn targets(chosen: fn(Target) -> bool) -> impl TypedValueParser<Value = Target> {
+    let value = move |t: Target| PossibleValue::new(t.name()).help(about(t)).hide(!chosen(t));
+    PossibleValuesParser::new(Target::ALL.map(value)).try_map(move |name| {
+        let target = Target::ALL.into_iter().find(|t| t.name() == name).unwrap_or_default();
+        let others: Vec<&str> = Target::ALL.into_iter().filter(|t| chosen(*t)).map(Target::name).collect();
+        if chosen(target) {
+            Ok(target)
+        } else {
+            Err(format!("{name} is for other programs; what can be evaluated here is {}", others.join(" and ")))
+        }
+    })
+}
+
+/// What modules of a target are.
+const fn about(target: Target) -> &'static str {
+    match target {
+        Target::Wasm => "WebAssembly with 128-bit SIMD",
+        Target::Spirv => "SPIR-V 1.3 for Vulkan 1.1",
+        Target::Wgsl => "WGSL for WebGPU; its compilers may fuse sums of products",
+        Target::Glsl => "GLSL 4.50, translated from WGSL; its compilers may round otherwise",
+        Target::Hlsl => "HLSL of shader model 6.0, translated likewise",
+        Target::Msl => "the Metal Shading Language 2.4, translated likewise",
+    }
+}
+
+/// Whether `isograd eval` can evaluate what is compiled to a target.
+const fn can_run(target: Target) -> bool {
+    matches!(target, Target::Wasm | Target::Spirv)
+}
+
+/// The forms by name.
+fn forms() -> impl TypedValueParser<Value = Form> {
+    let about = |form| match form {
+        Form::Kernel => "a whole that computes all points of a call",
+        Form::Library => "a function of one point, for programs that link or contain it; not wasm",
+    };
+    PossibleValuesParser::new(Form::ALL.map(|f| PossibleValue::new(f.name()).help(about(f))))
+        .map(|name| Form::ALL.into_iter().find(|f| f.name() == name).unwrap_or_default())
+}
+
+fn out_dir_help() -> String {
+    let names = Target::ALL.map(|target| format!("EXPORT.{}", target.extension()));
+    format!(
+        "Write each export into this directory, by default the current one: by target {}; and the manifest of what is \
+         no WebAssembly beside it, EXPORT.{}.json",
+        names.join(", "),
+        Target::Spirv.extension()
+    )
 }
 
 /// Other names of steps.

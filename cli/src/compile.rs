@@ -9,9 +9,9 @@ use isograd_compiler::{
     Checked, DerivativeMode, Derivatives, Export, Options, Port, Query, Request, Specialised, Target, compile,
     print_step,
 };
-use isograd_server::{Stopwatch, select};
+use isograd_server::{Stopwatch, describe, select};
 
-use crate::args::{Compile, TargetName, step};
+use crate::args::{Compile, step};
 use crate::{Failure, files, report};
 
 /// Runs the command.
@@ -36,6 +36,11 @@ pub fn run(args: &Compile) -> Result<(), Failure> {
 type Ways = Vec<(String, String)>;
 
 fn write(args: &Compile, options: &Options, watch: &Stopwatch, ways: &mut Ways) -> Result<(), Failure> {
+    if args.emit.as_deref() == Some("wat") && args.target != Target::Wasm {
+        let target = args.target.name();
+        return Err(Failure::Usage(format!("`wat` is WebAssembly as text; for the target `{target}` ask for `emit`")));
+    }
+    refuse_sources(args)?;
     let emit = args.emit.as_deref().map(step);
     if emit == Some("parse") || emit == Some("load") {
         // A tree can be shown of a program with errors as well.
@@ -59,14 +64,12 @@ fn write(args: &Compile, options: &Options, watch: &Stopwatch, ways: &mut Ways) 
     let mut requests = Vec::new();
     for export in chosen {
         select::known(export, &queries).map_err(|e| Failure::Wrong(e.0))?;
-        let target = match args.target {
-            TargetName::Wasm => Target::Wasm,
-        };
         requests.push(Request {
             export: export.name.clone(),
             queries: queries.clone(),
             precision: args.precision.into(),
-            target,
+            target: args.target,
+            form: args.form,
             mode: args.mode.into(),
             differentiability: args.smoothing.differentiability.into(),
             sensitivity: args.smoothing.sensitivity,
@@ -152,7 +155,8 @@ fn modules(
             failed = true;
             continue;
         }
-        let path = args.output.clone().unwrap_or_else(|| directory.join(format!("{}.wasm", request.export)));
+        let name = || directory.join(format!("{}.{}", request.export, request.target.extension()));
+        let path = args.output.clone().unwrap_or_else(name);
         if path == Path::new("-") {
             let mut out = stdout().lock();
             out.write_all(&artefact.bytes)?;
@@ -162,6 +166,12 @@ fn modules(
         put(&path, &artefact.bytes)?;
         let (bytes, operations) = (artefact.bytes.len(), artefact.manifest.operations);
         report::say(&format!("{}: {operations} operations, {bytes} bytes\n", path.display()));
+        // What is written to a device or a pipe has nothing beside it.
+        if request.target != Target::Wasm && path.is_file() {
+            let beside = sidecar(&path);
+            put(&beside, describe::manifest(&artefact.manifest).as_bytes())?;
+            report::say(&format!("  manifest: {}\n", beside.display()));
+        }
         if let Some(Specialised { from, to }) = artefact.manifest.specialised {
             report::say(&format!("  specialised: {to} of {from} operations, counted before kernels\n"));
         }
@@ -170,6 +180,26 @@ fn modules(
         }
     }
     if failed { Err(Failure::Reported) } else { Ok(()) }
+}
+
+/// Where the manifest of a module stands that does not contain it.
+fn sidecar(module: &Path) -> PathBuf {
+    let mut name = module.as_os_str().to_owned();
+    name.push(".json");
+    PathBuf::from(name)
+}
+
+/// Refuses to write over the program.
+fn refuse_sources(args: &Compile) -> Result<(), Failure> {
+    let Some(output) = args.output.as_deref() else { return Ok(()) };
+    let is_source = |path: &Path| {
+        let same = || Some(path.canonicalize().ok()? == args.file.canonicalize().ok()?);
+        path.extension().is_some_and(|e| e == "vola") && path.exists() || same() == Some(true)
+    };
+    match [output.to_path_buf(), sidecar(output)].into_iter().find(|path| is_source(path)) {
+        Some(path) => Err(Failure::Usage(format!("`-o` would write over the source file `{}`", path.display()))),
+        None => Ok(()),
+    }
 }
 
 fn put(path: &Path, bytes: &[u8]) -> Result<(), Failure> {

@@ -1,19 +1,22 @@
-//! `isograd eval`: an export at points, as a table, JSON or CSV. Knows the order of the steps, none of their content.
+//! `isograd eval`: an export at points, as a table, JSON, CSV or bytes. Knows the order of the steps, none of their content.
 
 use std::io::{BufWriter, Write, stdout};
 use std::time::Duration;
 
-use isograd_compiler::{Query, Request, compile};
+use isograd_compiler::{Query, Request, Target, compile};
 use isograd_runtime::Runtime;
 use isograd_server::evaluate::{EvaluateError, load, run as evaluate, set_rates};
 use isograd_server::values::Interface;
 use isograd_server::{Stopwatch, select};
 
 use crate::args::{Eval, Format};
-use crate::{Failure, files, inputs, report, table};
+use crate::{Failure, devices, files, inputs, report, table};
 
 /// Runs the command.
 pub fn run(args: &Eval) -> Result<(), Failure> {
+    if args.device.is_some() && args.target != Target::Spirv {
+        return Err(Failure::Usage("`--device` is for `--target spirv`, which runs on a Vulkan device".to_owned()));
+    }
     let options = files::options(&args.reading.sources)?;
     let watch = Stopwatch::start(&options.limits);
     let checked = files::load_sound(&args.file, &args.reading, &options, &watch)?;
@@ -28,6 +31,7 @@ pub fn run(args: &Eval) -> Result<(), Failure> {
         export: export.name.clone(),
         queries,
         precision: args.precision.into(),
+        target: args.target,
         mode: args.mode.into(),
         differentiability: args.smoothing.differentiability.into(),
         sensitivity: args.smoothing.sensitivity,
@@ -43,15 +47,18 @@ pub fn run(args: &Eval) -> Result<(), Failure> {
     report::diagnostics(&artefact.warnings, &checked.files);
     files::refuse_warnings(&args.reading, &artefact.warnings)?;
 
-    let deadline = Some(Duration::from_secs(args.deadline));
-    let outputs = load(&Runtime::default(), &artefact)
-        .and_then(|kernel| evaluate(&kernel, &inputs, deadline))
-        .map_err(|error| Failure::Wrong(explain(&error, args.deadline)))?;
+    let time = Duration::from_secs(args.deadline);
+    let outputs = match args.target {
+        Target::Spirv => devices::evaluate(&artefact, &inputs, args.device.as_deref(), time),
+        _ => load(&Runtime::default(), &artefact).and_then(|kernel| evaluate(&kernel, &inputs, Some(time))),
+    };
+    let outputs = outputs.map_err(|error| Failure::Wrong(explain(&error, args.deadline)))?;
 
     let mut out = BufWriter::with_capacity(1 << 16, stdout().lock());
     match args.format {
         Format::Table => table::write_table(&mut out, &interface, inputs, outputs)?,
         Format::Csv => table::write_csv(&mut out, &outputs)?,
+        Format::Raw => outputs.write_raw(&mut out)?,
         Format::Json => {
             outputs.write_json(&mut out)?;
             out.write_all(b"\n")?;

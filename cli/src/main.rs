@@ -5,6 +5,7 @@ mod args;
 mod check;
 mod compile;
 mod describe;
+mod devices;
 mod eval;
 mod explain;
 mod files;
@@ -46,6 +47,7 @@ fn main() -> ExitCode {
         Command::Describe(args) => describe::run(&args),
         Command::Compile(args) => compile::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Devices(args) => devices::run(&args),
         Command::Fmt(args) => fmt::run(&args),
         Command::Serve(args) => serve::run(args),
         Command::Explain(args) => explain::run(&args),

@@ -24,6 +24,12 @@ pub fn error(message: &str) {
     say(&format!("{label}: {message}\n"));
 }
 
+/// Shows a warning that is no diagnostic of the compiler.
+pub fn warning(message: &str) {
+    let label = if color() { "\x1b[1;33mwarning\x1b[0m" } else { "warning" };
+    say(&format!("{label}: {message}\n"));
+}
+
 /// Shows diagnostics with their source.
 pub fn diagnostics(diagnostics: &[Diagnostic], files: &Files) {
     if !diagnostics.is_empty() {

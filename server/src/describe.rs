@@ -1,7 +1,7 @@
-//! Exports as clients see them: parameters with type, default and range, result, documentation (LANGUAGE 9.3).
-//! Writes values in the shape in which an evaluation takes them; knows nothing of where it is shown.
+//! Exports and modules as clients see them: parameters with type, default and range, result, documentation (LANGUAGE
+//! 9.3); manifests. Writes values in the shape in which an evaluation takes them; knows nothing of where it is shown.
 
-use isograd_compiler::{Export, FORMS, Parameter, ScalarKind, Type};
+use isograd_compiler::{Export, FORMS, Manifest, Parameter, ScalarKind, Type};
 use serde_json::{Value, json};
 
 /// `{name, parameters: [{name, type, columns, default, range: {lower, upper}}], result: {name, type, columns}, doc}`;
@@ -20,6 +20,15 @@ pub fn export(export: &Export) -> Value {
 #[must_use]
 pub fn queries() -> Value {
     FORMS.iter().map(|q| json!({ "query": q.form, "gives": q.gives })).collect()
+}
+
+/// The manifest of a module for a file of its own: JSON for reading as well, one line's end at the end.
+#[must_use]
+pub fn manifest(manifest: &Manifest) -> String {
+    // Its fields are text, numbers and lists of them: nothing that has no JSON.
+    let mut text = serde_json::to_string_pretty(manifest).unwrap_or_default();
+    text.push('\n');
+    text
 }
 
 fn port(name: &str, ty: &Type) -> Value {

@@ -1,10 +1,11 @@
 //! The one place where values meet a compiled request: columns in, outputs out, for the command line and HTTP alike.
-//! Knows the runtime's interface; knows nothing of JSON, CSV or tables.
+//! Knows the runtime's interface and that there may be others with the same columns; knows nothing of JSON, CSV or
+//! tables.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use isograd_compiler::{Artefact, ColumnType, Rate, Request};
+use isograd_compiler::{Artefact, ColumnType, Manifest, Rate, Request};
 use isograd_runtime::{Column, EvalError, EvalOptions, Kernel, LoadError, Runtime, Values};
 
 use crate::limits::LimitValue;
@@ -28,6 +29,18 @@ pub enum EvaluateError {
     /// A mistake of ours.
     #[error("{0}")]
     Internal(String),
+}
+
+impl From<EvalError> for EvaluateError {
+    fn from(error: EvalError) -> Self {
+        match error {
+            EvalError::Deadline => Self::Deadline,
+            EvalError::Memory { .. } | EvalError::Outside { .. } => {
+                Self::Refused { message: error.to_string(), limit: None }
+            }
+            error => Self::Internal(error.to_string()),
+        }
+    }
 }
 
 /// Makes native code of a module, or finds it.
@@ -59,12 +72,26 @@ pub fn set_rates(request: &mut Request, interface: &Interface<'_>, inputs: &Inpu
     request.rates = parameters.map(|(i, parameter)| (parameter.name.clone(), rate(i))).collect();
 }
 
-/// Evaluates. The kernel must be of a request with the rates of the inputs.
+/// Evaluates in WebAssembly. The kernel must be of a request with the rates of the inputs.
 ///
 /// # Errors
 /// If it takes longer than `time`, or fails.
 pub fn run(kernel: &Kernel, inputs: &Inputs, time: Option<Duration>) -> Result<Outputs, EvaluateError> {
-    let manifest = kernel.manifest();
+    let options = EvalOptions { deadline: time.and_then(|t| Instant::now().checked_add(t)), ..EvalOptions::default() };
+    run_with(kernel.manifest(), inputs, |values, points| Ok(kernel.evaluate(values, points, &options)?))
+}
+
+/// Evaluates by `call`, which is given one column per input scalar of the manifest and how many points there are, at
+/// least one, and gives one column per output scalar. What is called must be of a request with the rates of the
+/// inputs.
+///
+/// # Errors
+/// Those of `call`.
+pub fn run_with<E>(
+    manifest: &Manifest,
+    inputs: &Inputs,
+    call: impl FnOnce(&[Values<'_>], usize) -> Result<Vec<Column>, E>,
+) -> Result<Outputs, E> {
     let kinds = manifest.inputs.iter().flat_map(|port| &port.columns).map(|c| c.scalar);
     let given = inputs.values.iter().flat_map(|values| &values.columns);
     // Ints and truth values have to be made; reals are taken as they are.
@@ -77,17 +104,10 @@ pub fn run(kernel: &Kernel, inputs: &Inputs, time: Option<Duration>) -> Result<O
             ColumnType::Int | ColumnType::Bool => Values::I32(ints),
         })
         .collect();
-    let options = EvalOptions { deadline: time.and_then(|t| Instant::now().checked_add(t)), ..EvalOptions::default() };
     let computed = if inputs.points == 0 {
         manifest.outputs.iter().flat_map(|port| &port.columns).map(|_| Column::F32(Vec::new())).collect()
     } else {
-        kernel.evaluate(&columns, inputs.points, &options).map_err(|error| match error {
-            EvalError::Deadline => EvaluateError::Deadline,
-            EvalError::Memory { .. } | EvalError::Outside { .. } => {
-                EvaluateError::Refused { message: error.to_string(), limit: None }
-            }
-            error => EvaluateError::Internal(error.to_string()),
-        })?
+        call(&columns, inputs.points)?
     };
     let mut computed = computed.into_iter();
     let outputs = manifest.outputs.iter().map(|port| {

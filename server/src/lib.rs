@@ -6,6 +6,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing, clippy::panic, clippy::print_stdout)
 )]
 
+mod choice;
 mod config;
 pub mod describe;
 pub mod evaluate;

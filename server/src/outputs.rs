@@ -1,4 +1,4 @@
-//! Results of an evaluation, and how their numbers are written: as JSON, and one by one for CSV and tables.
+//! Results of an evaluation, and how their numbers are written: as JSON, as bytes, and one by one for CSV and tables.
 //! Knows columns; knows nothing of where they were computed.
 
 use std::collections::BTreeSet;
@@ -108,6 +108,18 @@ impl Numbers {
         self.write(w, point)?;
         if quoted { w.write_all(b"\"") } else { Ok(()) }
     }
+
+    /// Writes all numbers as bytes, little-endian: reals as f32 or f64, ints and truth values (0 or 1) as i32.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn write_raw(&self, w: &mut impl Write) -> io::Result<()> {
+        match self {
+            Self::F32(x) => x.iter().try_for_each(|x| w.write_all(&x.to_le_bytes())),
+            Self::F64(x) => x.iter().try_for_each(|x| w.write_all(&x.to_le_bytes())),
+            Self::Int(x) | Self::Bool(x) => x.iter().try_for_each(|x| w.write_all(&x.to_le_bytes())),
+        }
+    }
 }
 
 /// The name of what is not finite.
@@ -136,6 +148,15 @@ impl Outputs {
             w.write_all(b"}")?;
         }
         w.write_all(b"]}")
+    }
+
+    /// Writes the numbers alone, as [`Numbers::write_raw`] does: the columns of all outputs one after the other, each
+    /// with the numbers of all points. `w` should be buffered.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn write_raw(&self, w: &mut impl Write) -> io::Result<()> {
+        self.outputs.iter().flat_map(|o| &o.columns).try_for_each(|column| column.numbers.write_raw(w))
     }
 }
 
@@ -172,10 +193,10 @@ impl Output {
 mod tests {
     use super::*;
 
-    #[test]
-    fn json_has_one_row_per_point_and_names_what_is_not_finite() {
+    /// Two points of several kinds.
+    fn outputs() -> Outputs {
         let column = |name: &str, numbers| OutputColumn { name: name.to_owned(), numbers };
-        let outputs = Outputs {
+        Outputs {
             export: "f".to_owned(),
             points: 2,
             outputs: vec![
@@ -196,12 +217,27 @@ mod tests {
                     kinks: Vec::new(),
                 },
             ],
-        };
+        }
+    }
+
+    #[test]
+    fn json_has_one_row_per_point_and_names_what_is_not_finite() {
         let mut text = Vec::new();
-        outputs.write_json(&mut text).unwrap();
+        outputs().write_json(&mut text).unwrap();
         assert_eq!(
             String::from_utf8(text).unwrap(),
             r#"{"export":"f","outputs":[{"name":"value","type":"(real, int, bool)","columns":["value.0","value.1","value.2"],"rows":[[0.1,-3,true],["nan",4,false]]},{"name":"gradient(at)","type":"real","columns":["at"],"rows":[["-inf"],[1e-300]]}]}"#
         );
+    }
+
+    #[test]
+    fn raw_is_the_columns_one_after_the_other() {
+        let mut found = Vec::new();
+        outputs().write_raw(&mut found).unwrap();
+        let mut expected = Vec::new();
+        expected.extend([0.1_f32, f32::NAN].iter().flat_map(|x| x.to_le_bytes()));
+        expected.extend([-3_i32, 4, 1, 0].iter().flat_map(|x| x.to_le_bytes()));
+        expected.extend([f64::NEG_INFINITY, 1e-300].iter().flat_map(|x| x.to_le_bytes()));
+        assert_eq!(found, expected);
     }
 }

@@ -102,6 +102,13 @@ impl Problem {
         self
     }
 
+    /// More of something than a limit allows.
+    #[must_use]
+    pub fn over(limit: LimitValue, what: &str, found: u64) -> Self {
+        let detail = format!("the request has {found} {what}, the limit `{}` is {}", limit.name, limit.value);
+        Self::new(Kind::LimitExceeded, detail).limit(limit)
+    }
+
     /// What the compiler says. If it is about one limit of the language, the problem names it.
     #[must_use]
     pub fn diagnostics(diagnostics: &[Diagnostic], files: &Files, limits: &Limits) -> Self {

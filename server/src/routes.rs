@@ -15,27 +15,25 @@ use axum::http::request::Parts;
 use axum::http::{HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use isograd_compiler::{
-    Code, DerivativeMode, Differentiability, Files, InvalidWithin, Precision, Query, Rate, Request as Wanted,
-    Sensitivity, UnknownCode, Within, explain,
-};
+use isograd_compiler::{Code, Files, Target, UnknownCode, explain};
 use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::json;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::trace::{DefaultMakeSpan, DefaultOnResponse, TraceLayer};
 use tracing::{Level, error};
 
+use crate::choice::Choice;
 use crate::config::server_options;
 use crate::evaluate::{self, EvaluateError};
 use crate::json_values::Named;
 use crate::limits::{self, LimitValue};
-use crate::pages;
 use crate::pool::Held;
 use crate::problem::{Kind, Problem};
-use crate::program::{Program, Source};
+use crate::program::Source;
 use crate::select::{self, UnknownName};
 use crate::state::Service;
 use crate::values::{Inputs, Interface, Misfit};
+use crate::{describe, pages};
 
 type Shared = State<Arc<Service>>;
 
@@ -45,7 +43,9 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/v1/programs", post(post_program))
         .route("/v1/programs/{id}", get(get_program))
         .route("/v1/programs/{id}/evaluate", post(evaluate))
-        .route("/v1/programs/{id}/module.wasm", get(module))
+        .route("/v1/programs/{id}/manifest", get(manifest))
+        // A segment that is only in part a parameter is not to be had: the handler reads `module.EXTENSION`.
+        .route("/v1/programs/{id}/{module}", get(module))
         .route("/v1/format", post(format))
         .route("/v1/limits", get(limits))
         .route(pages::ADDRESS, get(diagnostics))
@@ -63,15 +63,16 @@ pub fn router(service: Arc<Service>) -> Router {
         .with_state(service)
 }
 
-/// A program's id, or a diagnostic's code, in the path. Any text may stand there; the handler knows which it takes.
-struct Id(String);
+/// What stands in the path: a program's id, a diagnostic's code. Any text may stand there; the handler knows which it
+/// takes.
+struct At<T>(T);
 
-impl<S: Send + Sync> FromRequestParts<S> for Id {
+impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for At<T> {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
-        let path = Path::<String>::from_request_parts(parts, state).await;
-        path.map(|Path(id)| Self(id)).map_err(|error| Problem::new(Kind::InvalidRequest, error.body_text()))
+        let path = Path::<T>::from_request_parts(parts, state).await;
+        path.map(|Path(parts)| Self(parts)).map_err(|error| Problem::new(Kind::InvalidRequest, error.body_text()))
     }
 }
 
@@ -116,7 +117,7 @@ fn keep(service: &Service, body: &Held) -> Result<Response, Problem> {
 fn source(service: &Service, files: BTreeMap<String, String>, entry: Option<&str>) -> Result<Source, Problem> {
     let limit = service.limits.program_files();
     if files.len() as u64 > limit.value {
-        return Err(over(limit, "files", files.len() as u64));
+        return Err(Problem::over(limit, "files", files.len() as u64));
     }
     Source::new(files, entry).map_err(|d| Problem::diagnostics(&d, &Files::default(), &service.options.limits))
 }
@@ -148,7 +149,7 @@ fn formatted(service: &Service, body: &Held) -> Result<Response, Problem> {
     Ok(axum::Json(json!({ "text": text, "changed": changed })).into_response())
 }
 
-async fn get_program(State(service): Shared, Id(id): Id) -> Result<Response, Problem> {
+async fn get_program(State(service): Shared, At(id): At<String>) -> Result<Response, Problem> {
     let shared = Arc::clone(&service);
     service.pool.run(move || Ok(axum::Json(shared.program(&id)?.json()).into_response())).await
 }
@@ -169,21 +170,7 @@ struct Evaluate {
     within: Vec<String>,
 }
 
-/// How a request names what is to be compiled.
-#[derive(Default)]
-struct Choice {
-    export: Option<String>,
-    queries: Option<Vec<String>>,
-    precision: Option<String>,
-    mode: Option<String>,
-    differentiability: Option<String>,
-    /// As written.
-    sensitivity: Option<String>,
-    /// As written, a parameter each.
-    within: Vec<String>,
-}
-
-async fn evaluate(State(service): Shared, Id(id): Id, request: Request) -> Result<Response, Problem> {
+async fn evaluate(State(service): Shared, At(id): At<String>, request: Request) -> Result<Response, Problem> {
     let body = read_body(&service, request, service.limits.evaluate_bytes()).await?;
     let shared = Arc::clone(&service);
     service.pool.run(move || answer(&shared, &id, body)).await
@@ -200,8 +187,9 @@ fn answer(service: &Service, id: &str, body: Held) -> Result<Response, Problem> 
         differentiability: asked.differentiability,
         sensitivity: asked.sensitivity.map(|s| s.to_string()),
         within: asked.within,
+        ..Choice::default()
     };
-    let mut wanted = wanted(service, &program, &choice)?;
+    let mut wanted = choice.request(service, &program)?;
     let exports = program.checked.exports();
     let export = select::export(&exports, Some(&wanted.export))?;
 
@@ -216,7 +204,7 @@ fn answer(service: &Service, id: &str, body: Held) -> Result<Response, Problem> 
 
     let points = service.limits.points();
     if inputs.points as u64 > points.value {
-        return Err(over(points, "points", inputs.points as u64));
+        return Err(Problem::over(points, "points", inputs.points as u64));
     }
     evaluate::set_rates(&mut wanted, &interface, &inputs);
     let artefact = service.compiled(&program, &wanted)?;
@@ -224,7 +212,7 @@ fn answer(service: &Service, id: &str, body: Held) -> Result<Response, Problem> 
     let scalars = (inputs.points as u64).saturating_mul(columns as u64);
     let output_scalars = service.limits.output_scalars();
     if scalars > output_scalars.value {
-        return Err(over(output_scalars, "numbers of results", scalars));
+        return Err(Problem::over(output_scalars, "numbers of results", scalars));
     }
     let limit = service.limits.evaluation_ms();
     let outputs = service
@@ -236,52 +224,61 @@ fn answer(service: &Service, id: &str, body: Held) -> Result<Response, Problem> 
     Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response())
 }
 
-async fn module(State(service): Shared, Id(id): Id, RawQuery(query): RawQuery) -> Result<Response, Problem> {
+/// The module of a target, which the extension of its name says.
+async fn module(
+    State(service): Shared,
+    At((id, name)): At<(String, String)>,
+    RawQuery(query): RawQuery,
+    uri: Uri,
+) -> Result<Response, Problem> {
+    let Some(extension) = name.strip_prefix("module.") else { return Err(nothing_here(uri).await) };
+    let target = Target::ALL.into_iter().find(|target| target.extension() == extension).ok_or_else(|| {
+        let shown: String = name.chars().take(50).collect();
+        let modules = Target::ALL.map(|target| format!("`module.{}` ({})", target.extension(), target.name()));
+        Problem::new(Kind::NotFound, format!("there is no `{shown}`; a program has {}", modules.join(", ")))
+    })?;
     let shared = Arc::clone(&service);
-    service.pool.run(move || module_bytes(&shared, &id, query.as_deref().unwrap_or(""))).await
+    service.pool.run(move || module_bytes(&shared, &id, target, query.as_deref().unwrap_or(""))).await
 }
 
-fn module_bytes(service: &Service, id: &str, query: &str) -> Result<Response, Problem> {
-    let mut choice = Choice::default();
-    for (name, value) in form_urlencoded::parse(query.as_bytes()) {
-        let value = value.into_owned();
-        let before = match &*name {
-            "export" => choice.export.replace(value),
-            "precision" => choice.precision.replace(value),
-            "mode" => choice.mode.replace(value),
-            "differentiability" => choice.differentiability.replace(value),
-            "sensitivity" => choice.sensitivity.replace(value),
-            "within" => {
-                choice.within.push(value);
-                None
-            }
-            "query" => {
-                choice.queries.get_or_insert_default().push(value);
-                None
-            }
-            _ => {
-                let message = format!(
-                    "unknown field `{name}`, expected `export`, `query`, `precision`, `mode`, `differentiability`, \
-                     `sensitivity` or `within`"
-                );
-                return Err(Problem::new(Kind::InvalidRequest, message));
-            }
-        };
-        if before.is_some() {
-            return Err(Problem::new(Kind::InvalidRequest, format!("`{name}` is given twice")));
-        }
-    }
+fn module_bytes(service: &Service, id: &str, target: Target, query: &str) -> Result<Response, Problem> {
+    let choice = Choice::of_module(query, target)?;
     let program = service.program(id)?;
-    let wanted = wanted(service, &program, &choice)?;
-    let artefact = service.compiled(&program, &wanted)?;
+    let artefact = service.compiled(&program, &choice.request(service, &program)?)?;
     let manifest = &artefact.manifest;
-    let disposition = format!("attachment; filename=\"{}.wasm\"", manifest.export);
     let headers = [
-        (header::CONTENT_TYPE, "application/wasm".to_owned()),
+        (header::CONTENT_TYPE, media_type(target).to_owned()),
         (header::ETAG, format!("\"{}\"", manifest.id)),
-        (header::CONTENT_DISPOSITION, disposition),
+        (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{}.{}\"", manifest.export, target.extension())),
     ];
     Ok((headers, artefact.bytes.clone()).into_response())
+}
+
+/// What a module is to whoever gets it. Only two of these types have a registration: SPIR-V is bytes to everyone else,
+/// the other languages are text.
+const fn media_type(target: Target) -> &'static str {
+    match target {
+        Target::Wasm => "application/wasm",
+        Target::Spirv => "application/octet-stream",
+        Target::Wgsl => "text/wgsl; charset=utf-8",
+        Target::Glsl | Target::Hlsl | Target::Msl => "text/plain; charset=utf-8",
+    }
+}
+
+async fn manifest(State(service): Shared, At(id): At<String>, RawQuery(query): RawQuery) -> Result<Response, Problem> {
+    let shared = Arc::clone(&service);
+    service.pool.run(move || manifest_json(&shared, &id, query.as_deref().unwrap_or(""))).await
+}
+
+fn manifest_json(service: &Service, id: &str, query: &str) -> Result<Response, Problem> {
+    let choice = Choice::of_manifest(query)?;
+    let program = service.program(id)?;
+    let artefact = service.compiled(&program, &choice.request(service, &program)?)?;
+    let headers = [
+        (header::CONTENT_TYPE, "application/json".to_owned()),
+        (header::ETAG, format!("\"{}\"", artefact.manifest.id)),
+    ];
+    Ok((headers, describe::manifest(&artefact.manifest)).into_response())
 }
 
 async fn limits(State(service): Shared) -> Response {
@@ -293,7 +290,7 @@ async fn diagnostics() -> Response {
     axum::Json(json!({ "diagnostics": pages::list() })).into_response()
 }
 
-async fn diagnostic(Id(code): Id) -> Result<Response, Problem> {
+async fn diagnostic(At(code): At<String>) -> Result<Response, Problem> {
     let code: Code = code.parse().map_err(|error: UnknownCode| {
         let shown: String = error.text.chars().take(50).collect();
         let error = UnknownCode { text: shown, ..error };
@@ -336,81 +333,6 @@ fn panicked(cause: Box<dyn Any + Send + 'static>) -> Response {
     Problem::new(Kind::Internal, "the request could not be answered; this is a mistake of the server").into_response()
 }
 
-/// The request to the compiler that a choice stands for; everything it names exists.
-fn wanted(service: &Service, program: &Program, choice: &Choice) -> Result<Wanted, Problem> {
-    let limit = service.limits.queries();
-    if let Some(count) = choice.queries.as_ref().map(|q| q.len() as u64).filter(|n| *n > limit.value) {
-        return Err(over(limit, "queries", count));
-    }
-    if program.has_errors() {
-        let (diagnostics, files) = (&program.diagnostics, &program.checked.files);
-        return Err(Problem::diagnostics(diagnostics, files, &service.options.limits));
-    }
-    let precisions = [Precision::F32, Precision::F64];
-    let precision = one_of("precision", choice.precision.as_deref(), &precisions, Precision::name)?;
-    let mode = one_of("mode", choice.mode.as_deref(), &DerivativeMode::ALL, DerivativeMode::name)?;
-    let differentiability = one_of(
-        "differentiability",
-        choice.differentiability.as_deref(),
-        &Differentiability::ALL,
-        Differentiability::name,
-    )?;
-    let sensitivity = choice.sensitivity.as_deref().map(str::parse::<Sensitivity>).transpose();
-    let sensitivity = sensitivity.map_err(|e| Problem::new(Kind::InvalidRequest, e.to_string()))?;
-    let mut within = BTreeMap::new();
-    for text in &choice.within {
-        let part: Within =
-            text.parse().map_err(|e: InvalidWithin| Problem::new(Kind::InvalidRequest, e.to_string()))?;
-        if within.insert(part.parameter.clone(), part.ends).is_some() {
-            let message = format!("`within` names `{}` twice", part.parameter);
-            return Err(Problem::new(Kind::InvalidRequest, message));
-        }
-    }
-    let exports = program.checked.exports();
-    let export = select::export(&exports, choice.export.as_deref())?;
-    let queries = match &choice.queries {
-        None => vec![Query::Value],
-        Some(texts) => texts
-            .iter()
-            .map(|text| text.parse::<Query>().map_err(|e| Problem::new(Kind::InvalidRequest, e.to_string())))
-            .collect::<Result<_, _>>()?,
-    };
-    select::known(export, &queries)?;
-    let rates = export
-        .parameters
-        .iter()
-        .enumerate()
-        .map(|(i, p)| (p.name.clone(), if i == 0 { Rate::Varying } else { Rate::Uniform }))
-        .collect();
-    Ok(Wanted {
-        export: export.name.clone(),
-        queries,
-        precision,
-        rates,
-        mode,
-        differentiability,
-        sensitivity,
-        within,
-        ..Wanted::default()
-    })
-}
-
-/// The value of a field that takes one of a few names; without it, the default.
-fn one_of<T: Copy + Default>(
-    field: &str,
-    given: Option<&str>,
-    all: &[T],
-    name: fn(T) -> &'static str,
-) -> Result<T, Problem> {
-    let Some(given) = given else { return Ok(T::default()) };
-    all.iter().copied().find(|value| name(*value) == given).ok_or_else(|| {
-        let shown: String = given.chars().take(50).collect();
-        let names: Vec<&str> = all.iter().map(|value| name(*value)).collect();
-        let detail = format!("unknown {field} `{shown}`, expected one of {}", names.join(", "));
-        Problem::new(Kind::InvalidRequest, detail)
-    })
-}
-
 /// Reads a body, within a limit of bytes, of time, and of what all bodies may take together.
 async fn read_body(service: &Service, request: Request, limit: LimitValue) -> Result<Held, Problem> {
     let too_large = || {
@@ -446,11 +368,6 @@ fn read_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
         let kind = if error.is_data() { Kind::InvalidRequest } else { Kind::InvalidJson };
         Problem::new(kind, error.to_string())
     })
-}
-
-fn over(limit: LimitValue, what: &str, found: u64) -> Problem {
-    let detail = format!("the request has {found} {what}, the limit `{}` is {}", limit.name, limit.value);
-    Problem::new(Kind::LimitExceeded, detail).limit(limit)
 }
 
 fn failed(error: &EvaluateError, limit: LimitValue) -> Problem {
