@@ -9,6 +9,7 @@ pub mod corpus;
 pub mod differences;
 pub mod dual;
 pub mod exact;
+pub mod gpu;
 pub mod hyperdual;
 pub mod laws;
 pub mod library;

@@ -1,7 +1,7 @@
 //! Seeded points: the same on every machine, for every seed another. Knows kinds and ranges of operands; knows nothing
 //! of what is computed at the points.
 
-use isograd_graph::{OpDef, Precision, Scalar, Value};
+use isograd_graph::{Op, OpDef, Precision, Scalar, Value};
 
 /// A generator of pseudo-random numbers: splitmix64 (Steele, Lea, Flood, *Fast splittable pseudorandom number
 /// generators*, 2014, fig. 15).
@@ -194,6 +194,55 @@ pub fn grid<T: Copy>(candidates: &[Vec<T>], most: usize) -> Vec<Vec<T>> {
         });
         rows = longer.take(most).collect();
     }
+    rows
+}
+
+/// Values that random choice might not bring together, for each kind.
+fn special(scalar: Scalar, precision: Precision, few: bool) -> Vec<Value> {
+    let reals = [
+        0.0,
+        -0.0,
+        1.0,
+        -1.0,
+        0.5,
+        -2.5,
+        3.0,
+        1e-40,
+        -5e-324,
+        1e30,
+        3.4e38,
+        1.7e308,
+        2_147_483_648.0,
+        -2_147_483_649.0,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::NAN,
+    ];
+    let ints = [0, 1, -1, 2, 7, -7, 200, -2000, i32::MAX, i32::MIN, i32::MIN + 1];
+    match scalar {
+        Scalar::Real => {
+            reals.iter().step_by(if few { 3 } else { 1 }).map(|x| Value::Real(precision.round(*x))).collect()
+        }
+        Scalar::Int => ints.iter().map(|x| Value::Int(*x)).collect(),
+        Scalar::Bool => vec![Value::Bool(false), Value::Bool(true)],
+    }
+}
+
+/// Rows of operands of an operation: special values against each other, surprising ones, and the domain.
+#[must_use]
+pub fn operands(op: Op, precision: Precision) -> Vec<Vec<Value>> {
+    let kinds = op.def().operands;
+    let candidates: Vec<_> = kinds.iter().map(|s| special(*s, precision, kinds.len() > 2)).collect();
+    let mut rows = grid(&candidates, 1500);
+    rows.extend(surprises(kinds, precision, 300, 11));
+    let round = |v: Value| match v {
+        Value::Real(x) => Value::Real(precision.round(x)),
+        other => other,
+    };
+    if op.is_partial() {
+        rows.retain(|row| matches!(row.first(), Some(Value::Real(x)) if *x > 0.0 && x.is_finite()));
+    }
+    rows.extend(in_domain(op.def(), 200, 12).into_iter().map(|row| row.into_iter().map(round).collect()));
     rows
 }
 

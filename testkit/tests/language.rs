@@ -1,5 +1,6 @@
 //! Runs the files of `tests/language`: programs with the results or diagnostics that LANGUAGE demands, each in both
-//! precisions and with both sweeps, through the whole pipeline. Knows nothing of what the programs mean.
+//! precisions and with both sweeps, through the whole pipeline; on a Vulkan device in f32 with both sweeps and in f64
+//! forward. Knows nothing of what the programs mean.
 //!
 //! A file holds cases, as `corpus` divides it; lines of a program may say what is expected of it.
 //!
@@ -36,7 +37,13 @@ fn main() -> ExitCode {
         cases.iter().filter(|c| !c.codes.is_empty()).count(),
     );
     let trials = cases.into_iter().map(|case| Trial::test(case.name.clone(), move || run(&case))).collect();
-    libtest_mimic::run(&arguments, trials).exit_code()
+    let conclusion = libtest_mimic::run(&arguments, trials);
+    if arguments.list {
+        return conclusion.exit_code();
+    }
+    let (report, failed) = support::gpu::report();
+    println!("{report}");
+    if failed { ExitCode::FAILURE } else { conclusion.exit_code() }
 }
 
 /// A program and what must become of it.
@@ -188,6 +195,10 @@ fn verify(
     let together = support::evaluated(checked, &request(Varying::All), &points)?;
     expect("WebAssembly", check, &together)?;
     same_bits("WebAssembly", &together, "the reference", &emitted)?;
+    if precision == Precision::F32 || (mode == DerivativeMode::Forward && support::gpu::doubles()) {
+        // By the rules the bits are those of WebAssembly, and so what is expected.
+        support::gpu::judge(checked, &request(Varying::All), &points).map_err(|e| format!("SPIR-V: {e}"))?;
+    }
     for (i, point) in points.iter().enumerate() {
         let alone = support::evaluated(checked, &request(Varying::First), std::slice::from_ref(point))?;
         same_bits("a point alone, the other parameters uniform", &alone, "all points", &together[i..=i])?;

@@ -11,7 +11,7 @@
 
 use isograd_graph::{Builder, Mode, Op, Precision, Scalar, Unwatched, Value};
 use isograd_testkit::laws::{self, Count};
-use isograd_testkit::points::{Random, grid, in_domain, surprises};
+use isograd_testkit::points::{Random, operands, surprises};
 use isograd_testkit::random::{self, INPUTS, Shape};
 use isograd_transform::Sweep;
 
@@ -23,54 +23,6 @@ const SWEEPS: [Sweep; 2] = [Sweep::Forward, Sweep::Reverse];
 fn seeds(from: u64, n: u64) -> std::ops::Range<u64> {
     let times = std::env::var("ISOGRAD_GRAPHS").ok().and_then(|x| x.parse().ok()).unwrap_or(1);
     from..from + n * times
-}
-
-/// Values that random choice might not bring together, for each kind.
-fn special(scalar: Scalar, precision: Precision, few: bool) -> Vec<Value> {
-    let reals = [
-        0.0,
-        -0.0,
-        1.0,
-        -1.0,
-        0.5,
-        -2.5,
-        3.0,
-        1e-40,
-        -5e-324,
-        1e30,
-        3.4e38,
-        1.7e308,
-        2147483648.0,
-        -2147483649.0,
-        f64::INFINITY,
-        f64::NEG_INFINITY,
-        f64::NAN,
-    ];
-    let ints = [0, 1, -1, 2, 7, -7, 200, -2000, i32::MAX, i32::MIN, i32::MIN + 1];
-    match scalar {
-        Scalar::Real => {
-            reals.iter().step_by(if few { 3 } else { 1 }).map(|x| Value::Real(precision.round(*x))).collect()
-        }
-        Scalar::Int => ints.iter().map(|x| Value::Int(*x)).collect(),
-        Scalar::Bool => vec![Value::Bool(false), Value::Bool(true)],
-    }
-}
-
-/// Special values against each other, surprising ones, and the domain.
-fn operands(op: Op, precision: Precision) -> Vec<Vec<Value>> {
-    let kinds = op.def().operands;
-    let candidates: Vec<_> = kinds.iter().map(|s| special(*s, precision, kinds.len() > 2)).collect();
-    let mut rows = grid(&candidates, 1500);
-    rows.extend(surprises(kinds, precision, 300, 11));
-    let round = |v: Value| match v {
-        Value::Real(x) => Value::Real(precision.round(x)),
-        other => other,
-    };
-    if op.is_partial() {
-        rows.retain(|row| matches!(row.first(), Some(Value::Real(x)) if *x > 0.0 && x.is_finite()));
-    }
-    rows.extend(in_domain(op.def(), 200, 12).into_iter().map(|row| row.into_iter().map(round).collect()));
-    rows
 }
 
 fn holds(judgement: laws::Judgement) -> Count {
@@ -148,7 +100,8 @@ fn random_graphs_are_the_same_in_webassembly_and_optimised() {
         for precision in PRECISIONS {
             let points = graph_points(precision, 40, seed);
             optimised += holds(laws::optimised_equals_plain(&graph, precision, &points));
-            let ready = laws::finished(&graph, precision, seed % 2 == 0).unwrap_or_else(|e| panic!("{e}"));
+            let ready = laws::finished(&graph, precision, isograd_graph::ops::Family::Lanes, seed % 2 == 0)
+                .unwrap_or_else(|e| panic!("{e}"));
             wasm += holds(laws::wasm_equals_reference(&ready, &points));
             if seed % 4 == 0 {
                 holds(laws::neighbours(&ready, &points, seed));
@@ -169,7 +122,8 @@ fn derivatives_of_random_graphs_are_the_same_in_webassembly_and_optimised() {
         for precision in PRECISIONS {
             let points = graph_points(precision, 30, seed);
             optimised += holds(laws::optimised_equals_plain(&graph, precision, &points));
-            let ready = laws::finished(&graph, precision, true).unwrap_or_else(|e| panic!("{e}"));
+            let ready = laws::finished(&graph, precision, isograd_graph::ops::Family::Lanes, true)
+                .unwrap_or_else(|e| panic!("{e}"));
             wasm += holds(laws::wasm_equals_reference(&ready, &points));
         }
     }
@@ -242,7 +196,8 @@ fn rounded_constants_of_loops() {
     let points: Vec<_> = (0..4).map(|n| vec![Value::Int(n)]).collect();
     for precision in PRECISIONS {
         holds(laws::optimised_equals_plain(&graph, precision, &points));
-        let ready = laws::finished(&graph, precision, false).unwrap_or_else(|e| panic!("{e}"));
+        let ready = laws::finished(&graph, precision, isograd_graph::ops::Family::Lanes, false)
+            .unwrap_or_else(|e| panic!("{e}"));
         holds(laws::wasm_equals_reference(&ready, &points));
         let got = isograd_graph::evaluate(&ready, precision, &points[2]).unwrap();
         let (tenth, third) = (precision.round(0.1), precision.round(1.0 / 3.0));

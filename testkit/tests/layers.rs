@@ -11,6 +11,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("isograd-elaborate", &["isograd-syntax", "isograd-program", "isograd-graph"]),
     ("isograd-transform", &["isograd-graph"]),
     ("isograd-wasm", &["isograd-graph"]),
+    ("isograd-spirv", &["isograd-graph"]),
     (
         "isograd-compiler",
         &[
@@ -20,9 +21,11 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "isograd-elaborate",
             "isograd-transform",
             "isograd-wasm",
+            "isograd-spirv",
         ],
     ),
     ("isograd-runtime", &["isograd-compiler"]),
+    ("isograd-vulkan", &["isograd-compiler", "isograd-runtime"]),
     ("isograd-server", &["isograd-compiler", "isograd-runtime"]),
     (
         "isograd-testkit",
@@ -32,13 +35,15 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "isograd-graph",
             "isograd-program",
             "isograd-runtime",
+            "isograd-spirv",
             "isograd-syntax",
             "isograd-transform",
+            "isograd-vulkan",
             "isograd-wasm",
         ],
     ),
-    ("isograd-cli", &["isograd-compiler", "isograd-runtime", "isograd-server"]),
-    ("isograd-benches", &["isograd-compiler", "isograd-graph", "isograd-runtime", "isograd-server"]),
+    ("isograd-cli", &["isograd-compiler", "isograd-runtime", "isograd-server", "isograd-vulkan"]),
+    ("isograd-benches", &["isograd-compiler", "isograd-graph", "isograd-runtime", "isograd-server", "isograd-vulkan"]),
 ];
 
 #[test]

@@ -40,7 +40,7 @@ pub fn batches(artefact: &Artefact, columns: &[Vec<f64>]) -> Judgement {
     for threads in [1, 2, 3] {
         compare(0, &run(0, points, Some(threads))?, &format!("on {threads} threads"))?;
     }
-    let block = kernel.manifest().block as usize;
+    let block = kernel.manifest().memory().map_or(1, |memory| memory.block as usize);
     for size in [1, 2, 7, block - 1, block + 1, 3 * block] {
         for from in [0, 5, points / 3, points.saturating_sub(size)] {
             let to = (from + size).min(points);

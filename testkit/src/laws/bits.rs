@@ -1,6 +1,7 @@
 //! Laws of equal bits: WebAssembly computes what the reference evaluator computes, a point does not see its neighbours,
 //! and optimisation never shows.
 
+use isograd_graph::ops::Family;
 use isograd_graph::{Evaluator, Graph, Mode, NodeId, Op, Precision, Unwatched, Value, Verified};
 use isograd_transform::{fold, kernels, optimise, schedule};
 use isograd_wasm::{Split, Vectors};
@@ -29,20 +30,23 @@ pub fn kernels_of(op: Op, precision: Precision) -> Result<Verified, Failure> {
     let result = b.op(op, &args);
     b.output("y", result);
     let graph = b.finish().map_err(|e| Failure::new("kernels_of", op, e))?;
-    finished(&graph, precision, false)
+    finished(&graph, precision, Family::Lanes, false)
 }
 
-/// Folds a graph and expands its kernels, and if asked for optimises and schedules it, verifying each step.
+/// Folds a graph and expands its kernels for a family of targets, and if asked for optimises and schedules it, verifying each step.
 ///
 /// # Errors
 /// If a step fails or the verifier does not accept what it made.
-pub fn finished(graph: &Graph, precision: Precision, optimised: bool) -> Result<Verified, Failure> {
-    type Step = fn(&Graph, Precision, usize, &dyn isograd_graph::Watch) -> Result<Graph, isograd_graph::Exhausted>;
-    let steps: [(&'static str, Step); 4] =
-        [("fold", fold), ("kernels", kernels), ("optimise", optimise), ("schedule", schedule)];
+pub fn finished(graph: &Graph, precision: Precision, family: Family, optimised: bool) -> Result<Verified, Failure> {
     let mut graph = graph.clone();
-    for (name, step) in steps.into_iter().take(if optimised { 4 } else { 2 }) {
-        let next = step(&graph, precision, MANY, &Unwatched).map_err(|e| Failure::new(name, text(&graph), e))?;
+    for name in ["fold", "kernels", "optimise", "schedule"].into_iter().take(if optimised { 4 } else { 2 }) {
+        let next = match name {
+            "fold" => fold(&graph, precision, MANY, &Unwatched),
+            "kernels" => kernels(&graph, precision, family, MANY, &Unwatched),
+            "optimise" => optimise(&graph, precision, MANY, &Unwatched),
+            _ => schedule(&graph, precision, MANY, &Unwatched),
+        };
+        let next = next.map_err(|e| Failure::new(name, text(&graph), e))?;
         graph = verifier_accepts(name, next)?.into_inner();
     }
     verifier_accepts("schedule", graph)
@@ -163,7 +167,8 @@ pub fn neighbours(graph: &Verified, points: &[Vec<Value>], seed: u64) -> Judgeme
 /// # Errors
 /// At the first point where they differ.
 pub fn optimised_equals_plain(graph: &Graph, precision: Precision, points: &[Vec<Value>]) -> Judgement {
-    let (plain, optimised) = (finished(graph, precision, false)?, finished(graph, precision, true)?);
+    let (plain, optimised) =
+        (finished(graph, precision, Family::Lanes, false)?, finished(graph, precision, Family::Lanes, true)?);
     equal("optimised_equals_plain", &plain, &optimised, precision, points)
 }
 
@@ -173,7 +178,7 @@ pub fn optimised_equals_plain(graph: &Graph, precision: Precision, points: &[Vec
 /// # Errors
 /// At the first point where they differ.
 pub fn finished_equals_raw(graph: &Graph, points: &[Vec<Value>]) -> Judgement {
-    let finished = finished(graph, Precision::F64, true)?;
+    let finished = finished(graph, Precision::F64, Family::Lanes, true)?;
     equal("finished_equals_raw", graph, &finished, Precision::F64, points)
 }
 

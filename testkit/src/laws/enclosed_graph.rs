@@ -2,7 +2,8 @@
 //! and of their derivatives holds what is computed at points of the box (LANGUAGE 15.3 to 15.7). Knows regions and loops
 //! only through the transforms that it judges; its oracle is the reference evaluator at single points.
 
-use isograd_graph::{Evaluator, Exhausted, Graph, Node, NodeId, Op, Precision, Scalar, Unwatched, Value, Watch, print};
+use isograd_graph::ops::Family;
+use isograd_graph::{Evaluator, Graph, Node, NodeId, Op, Precision, Scalar, Unwatched, Value, print};
 use isograd_transform::{
     Asked, DifferentiateError, Form, Hull, Loops, Source, Sweep, answer, differentiate, enclosures, fold, kernels,
     optimise,
@@ -84,12 +85,8 @@ impl Enclosed {
             }
         };
         let emit = |graph: &Graph| -> Result<Graph, Failure> {
-            type Step = fn(&Graph, Precision, usize, &dyn Watch) -> Result<Graph, Exhausted>;
-            let mut graph = graph.clone();
-            for step in [kernels as Step, optimise] {
-                graph = step(&graph, precision, MANY, &Unwatched).map_err(|e| failure(&e))?;
-            }
-            Ok(graph)
+            let graph = kernels(graph, precision, Family::Lanes, MANY, &Unwatched).map_err(|e| failure(&e))?;
+            optimise(&graph, precision, MANY, &Unwatched).map_err(|e| failure(&e))
         };
         let Some(folded) = expand(&points, &asked(&Form::Itself, 1))? else { return Ok(None) };
         let Some(enclosing) = expand(&boxes, &asked(&Form::Enclosed(reals), 3))? else { return Ok(None) };

@@ -4,7 +4,7 @@
 //!
 //! The definition is an argument, so that an altered one can be judged, and so may the rule's graph be altered.
 
-use isograd_graph::ops::Accuracy;
+use isograd_graph::ops::{Accuracy, Family};
 use isograd_graph::{
     Builder, Enclosure, Evaluator, Facts, Graph, Mode, NodeId, Op, OpDef, Precision, Range, Scalar, Unwatched, Value,
     parse, print,
@@ -161,7 +161,7 @@ impl Rule {
 /// A graph as targets compute it.
 fn ready(graph: &Graph, precision: Precision) -> Result<Graph, isograd_graph::Exhausted> {
     let graph = fold(graph, precision, MANY, &Unwatched)?;
-    let graph = kernels(&graph, precision, MANY, &Unwatched)?;
+    let graph = kernels(&graph, precision, Family::Lanes, MANY, &Unwatched)?;
     optimise(&graph, precision, MANY, &Unwatched)
 }
 

@@ -12,6 +12,8 @@ mod front;
 mod higher;
 mod kink;
 mod pipeline;
+#[cfg(feature = "run")]
+mod spirv;
 mod transposed;
 
 use std::fmt;
@@ -28,6 +30,8 @@ pub use front::{checked, elaborated, parsed, structured};
 pub use higher::higher_derivatives;
 pub use kink::kink;
 pub use pipeline::{at_kinks, derivative_by_values, expanded_derivatives, oracles_agree, pipeline_derivative};
+#[cfg(feature = "run")]
+pub use spirv::{wasm_equals_shader_graph, wasm_equals_spirv};
 pub use transposed::transposed;
 
 /// How many comparisons a law made, and how many it could not make.
@@ -103,7 +107,7 @@ pub fn verifier_accepts(step: &'static str, graph: Graph) -> Result<Verified, Fa
 }
 
 /// Numbers of an output for a message.
-fn show(values: &[Value]) -> String {
+pub(crate) fn show(values: &[Value]) -> String {
     let texts: Vec<String> = values
         .iter()
         .map(|v| match v {

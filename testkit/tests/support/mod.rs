@@ -3,6 +3,7 @@
 
 #![allow(dead_code, unused_imports, reason = "each test binary uses a part")]
 
+pub mod gpu;
 mod wasm;
 
 use std::fmt::Write as _;
@@ -11,6 +12,7 @@ use isograd_compiler::{
     Checked, DerivativeMode, Diagnostic, MemoryLoader, Options, Precision, Query, Sensitivity, Wrt,
 };
 use isograd_elaborate::elaborate;
+use isograd_graph::ops::Family;
 use isograd_graph::{Evaluator, Graph, Unwatched, Value};
 use isograd_program::typed::Function;
 use isograd_program::{ScalarKind, Type};
@@ -118,7 +120,7 @@ impl Graphs {
         let plain = differentiate(derived, sweep, isograd_graph::Precision::F32, 6, NODES, &Unwatched)
             .map_err(|e| vec![Diagnostic::global(isograd_compiler::Code::E0705, format!("{e:?}"))])?;
         let folded = fold(&plain, precision, NODES, &Unwatched).expect("within the budget");
-        let expanded = kernels(&folded, precision, NODES, &Unwatched).expect("within the budget");
+        let expanded = kernels(&folded, precision, Family::Lanes, NODES, &Unwatched).expect("within the budget");
         let optimised = optimise(&expanded, precision, NODES, &Unwatched).expect("within the budget");
         let scheduled = schedule(&optimised, precision, NODES, &Unwatched).expect("within the budget");
         Ok(Self { folded, scheduled, precision })
