@@ -10,6 +10,9 @@ use crate::models::{Model, generated, points};
 use crate::ours::{Failure, Job, Ours};
 use crate::report::{Line, Section, digits};
 
+/// A name, and the program of so many parameters.
+type Family = (&'static str, fn(usize) -> String);
+
 /// Seed of all points.
 const SEED: u64 = 11;
 
@@ -103,7 +106,7 @@ pub fn ratios(effort: Effort) -> Result<Section, Failure> {
 /// Programs of 1 to 1,000 parameters: what `auto` takes against the better direction, by operations and measured.
 /// Goals: 10 % more operations, 25 % more time.
 pub fn choice(effort: Effort) -> Result<Vec<Section>, Failure> {
-    let families: [(&str, fn(usize) -> String); 3] = [("chain", chain), ("sum", sum), ("union", union)];
+    let families: [Family; 3] = [("chain", chain), ("sum", sum), ("union", union)];
     let (mut counted, mut measured) = (Vec::new(), Vec::new());
     for (family, program) in families {
         for n in [1, 2, 4, 8, 16, 32, 100, 316, 1_000] {

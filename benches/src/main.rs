@@ -11,6 +11,7 @@ mod models;
 mod ours;
 mod peers;
 mod report;
+mod shaders;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -72,8 +73,12 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         in_bulk(&models, many, effort)?,
     ];
     sections.push(derivatives::transform(&models, effort)?);
+    sections.push(shaders::emission(&models, effort)?);
+    sections.extend(shaders::validation(&models, effort)?);
+    sections.extend(shaders::device(&models, many, effort)?);
     if arguments.only.is_none() {
         sections.push(derivatives::growth(effort)?);
+        sections.push(shaders::growth(effort)?);
         sections.push(derivatives::ratios(effort)?);
         sections.extend(derivatives::choice(Effort { rounds: effort.rounds.div_ceil(4), ..effort })?);
         sections.push(requests(&models, many, effort)?);
@@ -134,7 +139,7 @@ fn in_cache(models: &[Model], asked: Asked, effort: Effort) -> Result<Section, F
     let mut lines = Vec::new();
     for model in models {
         let artefact = compiled(model, asked, &isograd_compiler::Unwatched)?;
-        let points = points(artefact.manifest.block as usize, SEED);
+        let points = points(artefact.manifest.memory().map_or(1, |memory| memory.block as usize), SEED);
         let mut ours = Ours::new(&artefact, &points)?;
         let block = ours.block();
         let mut fidget = Fidget::new(&model.steps, &points, block)?;
