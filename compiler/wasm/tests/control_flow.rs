@@ -4,9 +4,10 @@
 
 mod support;
 
-use isograd_graph::{Builder, NodeId, Op, Precision, Scalar, Unready, Value, Verified};
+use isograd_graph::ops::Family;
+use isograd_graph::{Op, Precision, Scalar, Unready, Value, Verified};
 use isograd_wasm::{EmitError, Options, Plan, Split, Vectors, emit};
-use support::{PRECISIONS, Random, Running, compare, graph, wide};
+use support::{KINDS, PRECISIONS, Random, Running, Soil, compare, graph, random, wide};
 
 fn real(x: f64) -> Value {
     Value::Real(x)
@@ -133,128 +134,14 @@ fn uniform_work_is_done_once() {
     assert!(module.work.long_loop);
 }
 
-/// Random graphs: regions to depth 3, all kinds, all rates.
-struct Garden<'a, 'w> {
-    b: &'a mut Builder<'w>,
-    random: &'a mut Random,
-    /// What is visible, by region.
-    visible: Vec<NodeId>,
-}
-
-impl Garden<'_, '_> {
-    fn pick(&mut self, scalar: Scalar) -> NodeId {
-        let fitting: Vec<NodeId> =
-            self.visible.iter().copied().filter(|id| self.b.graph().scalar(*id) == scalar).collect();
-        if fitting.is_empty() || self.random.below(8) == 0 {
-            let value = self.random.value(scalar);
-            return self.b.constant(value);
-        }
-        // Prefer recent values, so that graphs get deep.
-        let back = self.random.below(fitting.len()).min(self.random.below(fitting.len()));
-        fitting[fitting.len() - 1 - back]
-    }
-
-    fn kind(&mut self) -> Scalar {
-        [Scalar::Real, Scalar::Real, Scalar::Int, Scalar::Bool][self.random.below(4)]
-    }
-
-    fn operation(&mut self) {
-        loop {
-            let op = Op::ALL[self.random.below(Op::ALL.len())];
-            if op.is_partial() || !matches!(op.def().lowering, isograd_graph::ops::Lowering::Instructions { .. }) {
-                continue;
-            }
-            let args: Vec<NodeId> = op.def().operands.iter().map(|s| self.pick(*s)).collect();
-            let id = self.b.op(op, &args);
-            self.visible.push(id);
-            return;
-        }
-    }
-
-    fn small(&mut self) -> NodeId {
-        let x = self.pick(Scalar::Int);
-        let (lo, hi) = (self.b.int(-2), self.b.int(3));
-        let x = self.b.op(Op::IntMax, &[x, lo]);
-        self.b.op(Op::IntMin, &[x, hi])
-    }
-
-    fn grow(&mut self, depth: usize, steps: usize) {
-        for _ in 0..steps {
-            match self.random.below(if depth > 0 { 12 } else { 10 }) {
-                10 => self.branch(depth - 1),
-                11 => self.cycle(depth - 1),
-                _ => self.operation(),
-            }
-        }
-    }
-
-    fn branch(&mut self, depth: usize) {
-        let cond = self.pick(Scalar::Bool);
-        let outside = self.visible.len();
-        let kinds: Vec<Scalar> = (0..1 + self.random.below(3)).map(|_| self.kind()).collect();
-        self.b.gamma(cond);
-        let steps = self.random.below(7);
-        self.grow(depth, steps);
-        let thens: Vec<NodeId> = kinds.iter().map(|s| self.pick(*s)).collect();
-        self.visible.truncate(outside);
-        self.b.otherwise();
-        let steps = self.random.below(7);
-        self.grow(depth, steps);
-        let others: Vec<NodeId> = kinds.iter().map(|s| self.pick(*s)).collect();
-        self.visible.truncate(outside);
-        let end = self.b.end();
-        if self.random.below(4) == 0 {
-            self.operation();
-        }
-        for ((kind, then), other) in kinds.iter().zip(thens).zip(others) {
-            // Sometimes an operand that is computed after the branch.
-            let then = if self.random.below(6) == 0 { self.pick(*kind) } else { then };
-            let join = self.b.join(end, then, other);
-            self.visible.push(join);
-        }
-    }
-
-    fn cycle(&mut self, depth: usize) {
-        let (lo, hi) = (self.small(), self.small());
-        let outside = self.visible.len();
-        let kinds: Vec<Scalar> = (0..1 + self.random.below(4)).map(|_| self.kind()).collect();
-        let inits: Vec<NodeId> = kinds.iter().map(|s| self.pick(*s)).collect();
-        self.b.theta(lo, hi);
-        if self.random.below(2) == 0 {
-            let counter = self.b.counter();
-            self.visible.push(counter);
-        }
-        let carried: Vec<NodeId> = inits.iter().map(|init| self.b.carried(*init)).collect();
-        self.visible.extend(&carried);
-        let steps = 1 + self.random.below(7);
-        self.grow(depth, steps);
-        let nexts: Vec<NodeId> = kinds.iter().map(|s| self.pick(*s)).collect();
-        self.visible.truncate(outside);
-        let end = self.b.end();
-        for (carried, next) in carried.iter().zip(nexts) {
-            let result = self.b.carry_out(end, *carried, next);
-            self.visible.push(result);
-        }
-    }
-}
-
+/// Random graphs: regions to depth 3, all kinds, tapes.
 fn random_graph(seed: u64, precision: Precision) -> Verified {
-    let mut random = Random(seed);
-    graph(precision, |b| {
-        let kinds = [Scalar::Real, Scalar::Real, Scalar::Int, Scalar::Bool, Scalar::Int];
-        let visible = kinds.iter().enumerate().map(|(k, s)| b.input(format!("x{k}"), *s)).collect();
-        let mut garden = Garden { b, random: &mut random, visible };
-        garden.grow(3, 30);
-        let results: Vec<NodeId> = garden.visible.iter().rev().take(6).copied().collect();
-        for (k, result) in results.into_iter().enumerate() {
-            b.output(format!("y{k}"), result);
-        }
-    })
+    random(seed, precision, &Soil::to_evaluate(Family::Lanes), 14)
 }
 
 #[test]
 fn random_graphs_agree_with_the_reference() {
-    let kinds = [Scalar::Real, Scalar::Real, Scalar::Int, Scalar::Bool, Scalar::Int];
+    let kinds: Vec<Scalar> = KINDS.into_iter().chain(KINDS).collect();
     for seed in 0..150 {
         let mut random = Random(seed ^ 0x5555);
         let points: Vec<Vec<Value>> = (0..40).map(|_| kinds.iter().map(|s| random.value(*s)).collect()).collect();
@@ -273,7 +160,7 @@ fn the_same_graph_gives_the_same_bytes() {
             let verified = random_graph(seed, Precision::F32);
             emit(
                 &verified,
-                &Options { precision: Precision::F32, varying: &[true; 5], vectors: None, split: Split::default() },
+                &Options { precision: Precision::F32, varying: &[true; 6], vectors: None, split: Split::default() },
                 b"m",
             )
             .expect("emits")

@@ -1,9 +1,10 @@
 //! Functions with linkage, of values of every shape.
 
+use isograd_graph::ops::Family;
 use isograd_graph::{Scalar, Verified};
 use isograd_spirv::{Form, Group, Plan, Signature, disassemble};
 
-use crate::garden::{KINDS, PRECISIONS, graph, random};
+use crate::garden::{KINDS, PRECISIONS, Soil, graph, random};
 use crate::tools::{have, validate};
 
 fn signature(parameters: &[(&str, usize)], results: &[(&str, usize)]) -> Signature {
@@ -78,7 +79,7 @@ fn one_result_is_returned_as_it_is() {
 fn control_flow_and_tapes_are_exported() {
     for precision in PRECISIONS {
         for seed in 0..12 {
-            let graph = random(seed, precision);
+            let graph = random(seed, precision, &Soil::of(Family::Shader), 14);
             let all = signature(&[("a", 2), ("b", 4)], &[("c", 1), ("d", 5)]);
             exported(&graph, &all, &format!("random-{}-{seed}", precision.name()));
         }

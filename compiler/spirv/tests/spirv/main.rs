@@ -3,6 +3,7 @@
 
 #![allow(clippy::pedantic, reason = "tests")]
 
+#[path = "../../../graph/tests/garden/mod.rs"]
 mod garden;
 mod library;
 mod limits;

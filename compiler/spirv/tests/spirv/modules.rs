@@ -1,9 +1,10 @@
 //! Every operation and random control flow, in kernels and libraries.
 
 use isograd_graph::Verified;
+use isograd_graph::ops::Family;
 use isograd_spirv::{Form, Plan};
 
-use crate::garden::{PRECISIONS, Random, graph, operations, random, single};
+use crate::garden::{PRECISIONS, Random, Soil, graph, random, single};
 use crate::tools::{assert_valid, have};
 
 pub fn kernel(graph: &Verified, varying: &[bool]) -> Vec<u8> {
@@ -16,7 +17,7 @@ fn every_operation_makes_a_valid_kernel() {
     let check = have("spirv-val");
     let mut modules = 0;
     for precision in PRECISIONS {
-        for op in operations() {
+        for op in Soil::of(Family::Shader).operations {
             let graph = single(op, precision);
             let varying: Vec<bool> = (0..graph.inputs.len()).map(|i| i % 2 == 0).collect();
             let module = kernel(&graph, &varying);
@@ -35,7 +36,7 @@ fn random_control_flow_makes_valid_kernels() {
     let (mut phis, mut selects, mut tapes) = (0, 0, 0);
     for precision in PRECISIONS {
         for seed in 0..150 {
-            let graph = random(seed, precision);
+            let graph = random(seed, precision, &Soil::of(Family::Shader), 14);
             let mut rates = Random(seed);
             let varying: Vec<bool> = graph.inputs.iter().map(|_| rates.below(2) == 0).collect();
             let module = kernel(&graph, &varying);

@@ -3,7 +3,7 @@
 
 #![allow(clippy::pedantic, reason = "tests")]
 
-#[path = "../spirv/garden.rs"]
+#[path = "../../../graph/tests/garden/mod.rs"]
 mod garden;
 mod limits;
 mod modules;

@@ -1,16 +1,17 @@
 //! Every operation and random control flow, in kernels and libraries.
 
+use isograd_graph::ops::Family;
 use isograd_graph::{Builder, Mode, NodeId, Precision, Scalar, Unwatched, Value, verify};
 use isograd_spirv::{Form, Plan};
 use naga::{Expression, Literal};
 
-use crate::garden::{Random, graph, operations, random, single};
+use crate::garden::{Random, Soil, graph, random, single};
 use crate::{checked, kernel, library, scalars, scenes, signature};
 
 #[test]
 fn every_operation_makes_a_valid_module() {
     let mut modules = 0;
-    for op in operations() {
+    for op in Soil::of(Family::Shader).operations {
         let graph = single(op, Precision::F32);
         checked(&kernel(&graph).unwrap());
         checked(&library(&graph, &scalars(&graph)).unwrap());
@@ -23,7 +24,7 @@ fn every_operation_makes_a_valid_module() {
 #[test]
 fn operations_on_constants_are_left_to_run_time() {
     let (reals, ints) = ([0.0, -1.5, 3e38, f64::NAN, f64::INFINITY], [0, -1, i32::MIN, i32::MAX, 40]);
-    for op in operations() {
+    for op in Soil::of(Family::Shader).operations {
         for k in 0..5 {
             let mut b = Builder::new(Mode::Raw, 1000, &Unwatched);
             let operands: Vec<NodeId> = op
@@ -54,7 +55,7 @@ fn operations_on_constants_are_left_to_run_time() {
 fn random_control_flow_makes_valid_modules() {
     let (mut branches, mut loops, mut tapes) = (0, 0, 0);
     for seed in 0..300 {
-        let graph = random(seed, Precision::F32);
+        let graph = random(seed, Precision::F32, &Soil::of(Family::Shader), 14);
         let mut rates = Random(seed);
         let varying: Vec<bool> = graph.inputs.iter().map(|_| rates.below(2) == 0).collect();
         let text = Plan::new(&graph, Form::Kernel { varying: &varying }).unwrap().wgsl().unwrap();

@@ -2,80 +2,19 @@
 
 #![allow(dead_code, clippy::pedantic, reason = "shared by several test programs, of which each uses a part")]
 
+#[path = "../../../graph/tests/garden/mod.rs"]
+mod garden;
+
 use std::sync::OnceLock;
 
-use isograd_graph::{Builder, Evaluator, Mode, NodeId, Precision, Scalar, Unwatched, Value, Verified, verify};
+use isograd_graph::{Evaluator, NodeId, Precision, Scalar, Value, Verified};
 use isograd_wasm::{Layout, Module, Options, Slot, Split, Vectors, emit};
 use wasmtime::{Config, Engine, Instance, Memory, OptLevel, Store, TypedFunc};
 
-pub const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];
+#[allow(unused_imports, reason = "each test program uses a part")]
+pub use garden::{KINDS, PRECISIONS, Random, Soil, graph, random};
+
 pub const VECTORS: [Option<Vectors>; 4] = [None, Some(Vectors::One), Some(Vectors::Two), Some(Vectors::Four)];
-
-/// A deterministic generator (splitmix64).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    pub fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// A value of a kind, often a special one.
-    pub fn value(&mut self, scalar: Scalar) -> Value {
-        const REALS: [f64; 22] = [
-            0.0,
-            -0.0,
-            1.0,
-            -1.0,
-            0.5,
-            -0.5,
-            f64::INFINITY,
-            f64::NEG_INFINITY,
-            f64::NAN,
-            1e-40,
-            -1e-40,
-            5e-324,
-            -5e-324,
-            1e-310,
-            3.4e38,
-            1.7e308,
-            f64::MIN_POSITIVE,
-            f32::MIN_POSITIVE as f64,
-            2147483647.0,
-            -2147483648.0,
-            4294967296.0,
-            -1e30,
-        ];
-        const INTS: [i32; 10] = [0, 1, -1, 2, -2, i32::MIN, i32::MAX, i32::MIN + 1, 65536, 31];
-        match scalar {
-            Scalar::Real if self.below(3) == 0 => Value::Real(REALS[self.below(REALS.len())]),
-            Scalar::Real if self.below(5) == 0 => Value::Real(f64::from_bits(self.next())),
-            Scalar::Real => Value::Real(self.unit() * 200.0 - 100.0),
-            Scalar::Int if self.below(2) == 0 => Value::Int(INTS[self.below(INTS.len())]),
-            Scalar::Int if self.below(3) == 0 => Value::Int(self.next() as i32),
-            Scalar::Int => Value::Int(self.below(21) as i32 - 10),
-            Scalar::Bool => Value::Bool(self.below(2) == 0),
-        }
-    }
-}
-
-/// Builds and verifies a graph.
-pub fn graph(precision: Precision, build: impl FnOnce(&mut Builder<'_>)) -> Verified {
-    let mut builder = Builder::new(Mode::Real(precision), 1_000_000, &Unwatched);
-    build(&mut builder);
-    verify(builder.finish().expect("within budget")).expect("well formed")
-}
 
 /// Computes so many values and then reads each once more, so that all of them are alive at a time.
 pub fn wide(precision: Precision, values: u32) -> Verified {

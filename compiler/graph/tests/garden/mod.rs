@@ -1,7 +1,7 @@
-//! Graphs to emit: random ones with all operations, branches, loops and tapes inside each other, and builders of chosen
-//! ones.
+//! Graphs for the tests of the emitters: random ones with all operations, branches, loops and tapes inside each other, and
+//! what builds chosen ones. Knows the families of targets; knows no target.
 
-#![allow(dead_code, reason = "shared by test programs, of which each uses a part")]
+#![allow(dead_code, clippy::pedantic, reason = "shared by test programs, of which each uses a part")]
 
 use isograd_graph::ops::Family;
 use isograd_graph::{Builder, Mode, NodeId, Op, Precision, Scalar, Unwatched, Value, Verified, verify};
@@ -24,11 +24,44 @@ impl Random {
         (self.next() % n as u64) as usize
     }
 
-    fn value(&mut self, scalar: Scalar) -> Value {
-        const REALS: [f64; 8] = [0.0, -0.0, 1.0, -2.5, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 1e-40];
+    pub fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// A value of a kind, often a special one.
+    pub fn value(&mut self, scalar: Scalar) -> Value {
+        const REALS: [f64; 22] = [
+            0.0,
+            -0.0,
+            1.0,
+            -1.0,
+            0.5,
+            -0.5,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::NAN,
+            1e-40,
+            -1e-40,
+            5e-324,
+            -5e-324,
+            1e-310,
+            3.4e38,
+            1.7e308,
+            f64::MIN_POSITIVE,
+            f32::MIN_POSITIVE as f64,
+            2147483647.0,
+            -2147483648.0,
+            4294967296.0,
+            -1e30,
+        ];
+        const INTS: [i32; 10] = [0, 1, -1, 2, -2, i32::MIN, i32::MAX, i32::MIN + 1, 65536, 31];
         match scalar {
-            Scalar::Real => Value::Real(REALS[self.below(REALS.len())]),
-            Scalar::Int => Value::Int([0, 1, -1, i32::MIN, i32::MAX][self.below(5)]),
+            Scalar::Real if self.below(3) == 0 => Value::Real(REALS[self.below(REALS.len())]),
+            Scalar::Real if self.below(5) == 0 => Value::Real(f64::from_bits(self.next())),
+            Scalar::Real => Value::Real(self.unit() * 200.0 - 100.0),
+            Scalar::Int if self.below(2) == 0 => Value::Int(INTS[self.below(INTS.len())]),
+            Scalar::Int if self.below(3) == 0 => Value::Int(self.next() as i32),
+            Scalar::Int => Value::Int(self.below(21) as i32 - 10),
             Scalar::Bool => Value::Bool(self.below(2) == 0),
         }
     }
@@ -39,11 +72,6 @@ pub fn graph(precision: Precision, build: impl FnOnce(&mut Builder<'_>)) -> Veri
     let mut builder = Builder::new(Mode::Real(precision), 1_000_000, &Unwatched);
     build(&mut builder);
     verify(builder.finish().expect("within budget")).expect("well formed")
-}
-
-/// The operations that shaders have instructions for.
-pub fn operations() -> impl Iterator<Item = Op> {
-    Op::ALL.iter().copied().filter(|op| op.def().fragment(Family::Shader).is_none())
 }
 
 /// A graph of one operation.
@@ -58,13 +86,35 @@ pub fn single(op: Op, precision: Precision) -> Verified {
 
 pub const KINDS: [Scalar; 3] = [Scalar::Real, Scalar::Int, Scalar::Bool];
 
-/// A random graph with two inputs and two outputs of each kind.
-pub fn random(seed: u64, precision: Precision) -> Verified {
-    let operations: Vec<Op> = operations().collect();
+/// What random graphs are grown of.
+pub struct Soil {
+    /// The operations.
+    pub operations: Vec<Op>,
+    /// Whether loops run a few times at most, so that the graph can be evaluated.
+    pub short: bool,
+}
+
+impl Soil {
+    /// All operations that a family of targets has instructions for, and loops of any length.
+    pub fn of(family: Family) -> Self {
+        let operations = Op::ALL.iter().copied().filter(|op| op.def().fragment(family).is_none()).collect();
+        Self { operations, short: false }
+    }
+
+    /// The same for graphs that are evaluated: without operations that mean nothing for some operands.
+    pub fn to_evaluate(family: Family) -> Self {
+        let mut soil = Self { short: true, ..Self::of(family) };
+        soil.operations.retain(|op| !op.is_partial());
+        soil
+    }
+}
+
+/// A random graph with two inputs and two outputs of each kind, of so many steps in the outermost region.
+pub fn random(seed: u64, precision: Precision, soil: &Soil, steps: usize) -> Verified {
     graph(precision, |b| {
         let visible = (0..6).map(|i| b.input(format!("in{i}"), KINDS[i % 3])).collect();
-        let mut garden = Garden { b, random: &mut Random(seed), visible, operations: &operations };
-        garden.grow(3, 14);
+        let mut garden = Garden { b, random: &mut Random(seed), visible, soil };
+        garden.grow(3, steps);
         for i in 0..6 {
             let node = garden.pick(KINDS[i % 3]);
             garden.b.output(format!("out{i}"), node);
@@ -76,7 +126,7 @@ struct Garden<'a, 'w> {
     b: &'a mut Builder<'w>,
     random: &'a mut Random,
     visible: Vec<NodeId>,
-    operations: &'a [Op],
+    soil: &'a Soil,
 }
 
 impl Garden<'_, '_> {
@@ -97,7 +147,7 @@ impl Garden<'_, '_> {
     }
 
     fn operation(&mut self) {
-        let op = self.operations[self.random.below(self.operations.len())];
+        let op = self.soil.operations[self.random.below(self.soil.operations.len())];
         let args: Vec<NodeId> = op.def().operands.iter().map(|s| self.pick(*s)).collect();
         let id = self.b.op(op, &args);
         self.visible.push(id);
@@ -147,8 +197,19 @@ impl Garden<'_, '_> {
         self.visible.extend(joins);
     }
 
+    /// An end of a loop.
+    fn end(&mut self) -> NodeId {
+        let x = self.pick(Scalar::Int);
+        if !self.soil.short {
+            return x;
+        }
+        let (lo, hi) = (self.b.int(-2), self.b.int(3));
+        let x = self.b.op(Op::IntMax, &[x, lo]);
+        self.b.op(Op::IntMin, &[x, hi])
+    }
+
     fn cycle(&mut self, depth: usize) {
-        let (lo, hi) = (self.pick(Scalar::Int), self.pick(Scalar::Int));
+        let (lo, hi) = (self.end(), self.end());
         self.body(depth, lo, hi, &[]);
     }
 
