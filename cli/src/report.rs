@@ -39,6 +39,10 @@ pub fn diagnostics(diagnostics: &[Diagnostic], files: &Files) {
 
 /// Shows the time of each step, in the order of the pipeline.
 pub fn timings(timings: &[(&'static str, Duration)]) {
+    // The program could not be read.
+    if timings.is_empty() {
+        return;
+    }
     let ms = |d: &Duration| d.as_secs_f64() * 1000.0;
     let total: f64 = timings.iter().map(|(_, d)| ms(d)).sum();
     let share = |x: f64| if total > 0.0 { 100.0 * x / total } else { 0.0 };

@@ -245,6 +245,9 @@ fn timings_list_the_steps_in_order() {
     let mut last = None;
     assert!(places.all(|p| p.is_some() && std::mem::replace(&mut last, p) < p), "{}", ran.err);
     assert!(ran.err.contains("\ntotal") && ran.err.contains('%'), "{}", ran.err);
+    // Nothing was timed.
+    let unread = dir.run(&["compile", "nowhere.vola", "--timings"]);
+    assert!(!unread.fails(1).contains("total"), "{unread:?}");
 }
 
 #[test]
