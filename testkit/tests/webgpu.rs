@@ -3,9 +3,9 @@
 //! the bits that the reference evaluator gets of the shader's graph is counted. The long form, for it downloads 60 MB:
 //!
 //! ```sh
-//! npm install --prefix /tmp/dawn webgpu            # node 20 or newer
-//! XDG_RUNTIME_DIR=/tmp VK_DRIVER_FILES=/usr/lib/chromium/vk_swiftshader_icd.json ISOGRAD_REQUIRE_WEBGPU=1 \
-//! WEBGPU_PACKAGE=/tmp/dawn/node_modules/webgpu \
+//! npm install --prefix target/dawn webgpu          # node 20 or newer
+//! XDG_RUNTIME_DIR=$(mktemp -d) VK_DRIVER_FILES=/usr/lib/chromium/vk_swiftshader_icd.json ISOGRAD_REQUIRE_WEBGPU=1 \
+//! WEBGPU_PACKAGE=$PWD/target/dawn/node_modules/webgpu \
 //!     cargo test --release -p isograd-testkit --no-default-features --test webgpu -- --ignored --nocapture
 //! ```
 //!
@@ -154,7 +154,9 @@ fn probe() -> Result<(), String> {
         return Err(format!("node is {version}: the package `webgpu` needs 20 or newer"));
     }
     run_script(&json!([]), &scratch()).map(|report| println!("webgpu: Dawn on {}", report["adapter"])).map_err(|e| {
-        format!("Dawn does not start: npm install --prefix /tmp/dawn webgpu, WEBGPU_PACKAGE names its folder; {e}")
+        format!(
+            "Dawn does not start: npm install --prefix target/dawn webgpu, and name its folder in WEBGPU_PACKAGE; {e}"
+        )
     })
 }
 

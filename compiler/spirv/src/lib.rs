@@ -44,7 +44,7 @@ mod wgsl;
 
 use std::fmt;
 
-use isograd_graph::{NodeId, Scalar, Unready};
+use isograd_graph::{NodeId, Unready};
 
 pub use plan::{Group, Layout, Plan, Shape, Signature, Slot};
 pub use spirv::{disassemble, lint};
@@ -185,15 +185,4 @@ pub enum Lack {
     /// Values in one module.
     #[error("numbers at most 4,194,303 values; this module has more")]
     Values,
-}
-
-/// The name of a scalar kind in a layout.
-#[must_use]
-pub const fn element_name(scalar: Scalar, doubles: bool) -> &'static str {
-    match (scalar, doubles) {
-        (Scalar::Real, false) => "f32",
-        (Scalar::Real, true) => "f64",
-        (Scalar::Int, _) => "i32",
-        (Scalar::Bool, _) => "bool",
-    }
 }

@@ -13,7 +13,11 @@ const SHORT: usize = 3;
 
 /// The type of a scalar.
 pub const fn type_name(scalar: Scalar) -> &'static str {
-    crate::element_name(scalar, false)
+    match scalar {
+        Scalar::Real => "f32",
+        Scalar::Int => "i32",
+        Scalar::Bool => "bool",
+    }
 }
 
 /// A finite real, in the fewest digits that give it to all readers: those that round once, those that read an f64 first,
